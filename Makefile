@@ -59,7 +59,7 @@ bench-faults: setup
 	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m load_tests.anomaly faults $(ARGS)
 
 campaign: setup
-	@$(BIN)/python -m load_tests.campaign $(ARGS)
+	@$(BIN)/python -m load_tests.campaigns $(ARGS)
 
 clean:
 	rm -rf .venv .make build dist gateway/static dashboard/node_modules dashboard/dist \

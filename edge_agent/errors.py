@@ -2,7 +2,7 @@
 
 MetarosError (metaros.errors)
 ├── UsageError
-│   ├── CommandError          a command from afar cannot be carried out
+│   ├── CommandError          a remote command cannot be carried out
 │   │   ├── ExpiredError      it came, or would end, after its deadline            expired
 │   │   ├── DuplicateError    its id was executed before                           duplicate
 │   │   ├── LeaseError        an actuator without the current lease                lease_required
@@ -26,7 +26,7 @@ MetarosError (metaros.errors)
 │   │   └── UntrustedError    its TLS certificate is not to be trusted             gateway_untrusted
 │   └── LinkError             the link ended
 │       ├── BehindError       the gateway has more than the outbox ever accepted    outbox_behind
-│       ├── LinkDeadError     nothing heard for too long                           link_dead
+│       ├── LinkDeadError     nothing received for too long                        link_dead
 │       ├── UnprovenError     it asks for a proof that this robot cannot give      unproven
 │       └── RefusedError      the gateway said goodbye; `reason` holds its code    refused
 ├── IdentityFileError         the robot's identity cannot be read or kept          identity_file
@@ -75,7 +75,7 @@ __all__ = [
 
 
 class CommandError(UsageError):
-    """A command from afar cannot be carried out."""
+    """A remote command cannot be carried out."""
 
     code = "command"
 

@@ -11,50 +11,51 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from edge_agent.answering import answering
-from edge_agent.batch import Linger
 from edge_agent.blackbox.saver import Saver
-from edge_agent.blackbox.setup import open_box, open_shelf
-from edge_agent.channels import Channels
-from edge_agent.commands import Commands
-from edge_agent.config import Settings
-from edge_agent.drive_guard import DriveGuard
-from edge_agent.host_turn import host_turn, turn_path
+from edge_agent.blackbox.setup import open_box, open_recordings
+from edge_agent.commands.dispatcher import CommandDispatcher
+from edge_agent.commands.drive_watchdog import DriveGuard
+from edge_agent.commands.publishers import Publishers
+from edge_agent.commands.talk_watchdog import TalkGuard
+from edge_agent.commands.teleop import Teleop
+from edge_agent.config.gateway_address import GatewayAddress
+from edge_agent.config.settings import Settings
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.host_metrics import publish_host
+from edge_agent.forwarding.host_metrics_election import election_lock, hold_leadership
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Pipeline
+from edge_agent.forwarding.sample_trace import Tracer
+from edge_agent.forwarding.scope import Scope
+from edge_agent.forwarding.sealing import open_sealing
+from edge_agent.forwarding.tap import Tap
 from edge_agent.identity.credentials import Credentials, check_addresses, enrolled_addresses
 from edge_agent.identity.files import IdentityFiles
-from edge_agent.identity.renewing import Renewing
-from edge_agent.live import LiveQueue
-from edge_agent.metrics import publish_host
+from edge_agent.identity.renewal_task import RenewalTask
+from edge_agent.link.budget import Budget
+from edge_agent.link.byte_budget_override import UplinkLimit
 from edge_agent.nodes.setup import open_nodes
 from edge_agent.outbox import OutboxWriter
-from edge_agent.pipeline import Pipeline
-from edge_agent.publishers import Publishers
-from edge_agent.ros.desk import RosDesk
-from edge_agent.sample_trace import Tracer
-from edge_agent.scope import Scope
-from edge_agent.sealing import open_sealing
-from edge_agent.state import AgentState, open_state
-from edge_agent.status import status_file
-from edge_agent.talk_guard import TalkGuard
-from edge_agent.tap import Tap
-from edge_agent.teleop import Teleop
+from edge_agent.ros.manager import RosManager
+from edge_agent.ros.zenoh_profile import session_environ
+from edge_agent.state.state import AgentState, open_state
+from edge_agent.status.query import answering
+from edge_agent.status.status_file import status_file
 from edge_agent.twin.services import RosServices
-from edge_agent.update.handover import HANDOVER
+from edge_agent.update.restart import RESTART
 from edge_agent.update.setup import open_updates
-from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.keeper import SessionKeeper
-from edge_agent.uplink.session import Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import Identity
+from edge_agent.uplink.session_manager import SessionManager
 from edge_agent.uplink.uplink import Uplink, transports_with
-from edge_agent.uplink_limit import UplinkLimit
-from edge_agent.video.desk import VideoDesk
-from edge_agent.zenoh_profile import session_environ
+from edge_agent.video.manager import VideoManager
 from metaros.clock import Clock, SystemClock, system_rng
+from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 from metaros.node import Context, Node
-from metaros.signals import on_stop
 
 __all__ = ["run", "run_agent"]
 
@@ -64,7 +65,7 @@ NODE_NAME, HOST_NODE_NAME = "metaros_agent", "host"
 def run(settings: Settings) -> None:
     """Run the agent until SIGINT or SIGTERM."""
     asyncio.run(run_until_signal(settings))
-    HANDOVER.finish()
+    RESTART.finish()
 
 
 async def run_until_signal(settings: Settings) -> None:
@@ -96,8 +97,8 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None, limits: L
 
 async def run_host(settings: Settings, context: Context, channels: Channels, clock: Clock) -> None:
     """Publish this host's metrics, when it is our turn, as a node of their own."""
-    path = turn_path(zenoh_port=settings.zenoh_port, domain=context.domain_id, namespace=settings.namespace)
-    async with host_turn(path):
+    path = election_lock(zenoh_port=settings.zenoh_port, domain=context.domain_id, namespace=settings.namespace)
+    async with hold_leadership(path):
         with Node(
             HOST_NODE_NAME,
             namespace=settings.namespace,
@@ -110,11 +111,11 @@ async def run_host(settings: Settings, context: Context, channels: Channels, clo
 
 async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
     """Build the parts on their node and run them; what was gathered when they end is flushed last."""
-    parts = Parts(settings, state, node, clock)
+    parts = AgentParts(settings, state, node, clock)
     writing = asyncio.create_task(parts.writer.run())
     try:
         with (
-            answering(node.context, settings, parts.who, parts.queues, parts.keeper.facts, state.store_id),
+            answering(node.context, settings, parts.who, parts.queues, parts.session_manager.facts, state.store_id),
             status_file(settings.status_file, name=settings.name, namespace=settings.namespace),
         ):
             await parts.twin.start(
@@ -130,7 +131,7 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         await asyncio.wait({writing})
 
 
-class Parts:
+class AgentParts:
     """What a running agent is made of, each part knowing those that it needs."""
 
     def __init__(self, settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
@@ -144,14 +145,14 @@ class Parts:
         self.teleop = Teleop(DriveGuard(clock, settings.actuators), talk, self.publishers, self.scope)
         self.limit = UplinkLimit(state.disk, self.queues.budget, clock)
         self.who = identity(settings)
-        self.credentials, self.addresses = door_of(settings, state.directory)
+        self.credentials, self.addresses = resolve_gateways(settings, state.directory)
         known = self.credentials
-        self.renewing = Renewing(known, state.directory, clock, system_rng()) if known is not None else None
+        self.renewing = RenewalTask(known, state.directory, clock, system_rng()) if known is not None else None
         self.updates = open_updates(settings, state.directory, known, clock, running=self.who.agent_version)
         bundles = self.updates.nodes if known is not None else None
         self.nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
-        self.ros = RosDesk(node, self.scope, clock)
-        self.video = VideoDesk(self.queues.channels, self.scope, self.queues.budget, self.publishers.publish, clock)
+        self.ros = RosManager(node, self.scope, clock)
+        self.video = VideoManager(self.queues.channels, self.scope, self.queues.budget, self.publishers.publish, clock)
         self.commands = self._commands()
         self.twin, self.values = state.twin.build(
             RosServices(node, self.scope),
@@ -160,10 +161,10 @@ class Parts:
             channels=self.queues.channels,
             look_again=lambda: self.tap.reconcile(),
             limit=self.limit,
-            nodes=self.nodes.desk,
+            nodes=self.nodes.manager,
             agent=self.updates.agent,
         )
-        self.keeper = self._keeper()
+        self.session_manager = self._session_manager()
         self._link()
 
     def runs(self) -> Iterator[Coroutine[Any, Any, None]]:
@@ -183,17 +184,17 @@ class Parts:
             await asyncio.to_thread(self.box.close)
         self.publishers.close()
 
-    def _commands(self) -> Commands:
+    def _commands(self) -> CommandDispatcher:
         state = self.state
         saver = Saver(
             self.box,
-            self.queues.shelf,
+            self.queues.recordings,
             self.clock,
             robot_id=self.settings.name,
             free=state.disk.free,
             changed=lambda: self.uplink.wake(),
         )
-        return Commands(
+        return CommandDispatcher(
             self.node,
             self.teleop,
             self.scope,
@@ -205,8 +206,8 @@ class Parts:
             actions={**self.nodes.actions, **self.ros.actions},
         )
 
-    def _keeper(self) -> SessionKeeper:
-        return SessionKeeper(
+    def _session_manager(self) -> SessionManager:
+        return SessionManager(
             self.who,
             self.queues,
             self.teleop,
@@ -218,13 +219,15 @@ class Parts:
             wake=lambda: self.uplink.wake(),
             credentials=self.credentials,
             expired=self.renewing.now if self.renewing is not None else lambda: None,
-            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin, self.ros, self.video],
+            handlers=[self.commands.durable, self.updates.agent, self.nodes, self.twin, self.ros, self.video],
         )
 
     def _link(self) -> None:
         """The way of a sample: from the tap through the pipeline to the outbox and up."""
         queues, transports = self.queues, transports_with(self.credentials)
-        self.uplink = Uplink(self.addresses, self.keeper, Backoff(system_rng()), self.clock, transports=transports)
+        self.uplink = Uplink(
+            self.addresses, self.session_manager, Backoff(system_rng()), self.clock, transports=transports
+        )
         wake = self.uplink.wake
         self.writer = OutboxWriter(self.state.outbox, self.state.outbox_disk, on_flushed=wake)
         self.pipeline = Pipeline(
@@ -235,7 +238,7 @@ class Parts:
             wake_uplink=wake,
             tracer=queues.tracer,
         )
-        self.keeper.facts.black_box = self.box.describe if self.box is not None else None
+        self.session_manager.facts.black_box = self.box.describe if self.box is not None else None
         record = self.box.take if self.box is not None else None
         self.tap = Tap(self.node, queues.channels, self.scope, self.pipeline.take, wake, self.clock, record=record)
 
@@ -255,10 +258,10 @@ def open_queues(settings: Settings, state: AgentState, clock: Clock) -> Queues:
     budget = Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s())
     tracer = Tracer(clock, system_rng(), every=settings.trace_every)
     outbox.on_accepted = tracer.accepted
-    return Queues(channels, outbox, live, Linger(), budget, open_shelf(state.directory), tracer)
+    return Queues(channels, outbox, live, Linger(), budget, open_recordings(state.directory), tracer)
 
 
-def door_of(settings: Settings, directory: Path) -> tuple[Credentials | None, list[GatewayAddress]]:
+def resolve_gateways(settings: Settings, directory: Path) -> tuple[Credentials | None, list[GatewayAddress]]:
     """Who the robot is and where its gateways are: what the settings say, else the gateway that enrolled it.
 
     Raises:
@@ -271,8 +274,8 @@ def door_of(settings: Settings, directory: Path) -> tuple[Credentials | None, li
         return None, settings.addresses()
     if identity.robot != settings.name:
         raise ConfigError(f"{directory} is enrolled as {identity.robot}: start it with --name {identity.robot}")
-    told = settings.gateways or settings.gateway
-    addresses = settings.addresses() if told else enrolled_addresses(identity, settings.transport)
+    configured = settings.gateways or settings.gateway
+    addresses = settings.addresses() if configured else enrolled_addresses(identity, settings.transport)
     check_addresses(addresses)
     return Credentials(identity), addresses
 

@@ -1,26 +1,30 @@
-"""What the routes and RPCs get of the gateway. Part of the wiring."""
+"""The application: every route and RPC of the gateway, and what they are given of it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from starlette.types import ASGIApp
 
+from gateway.api import create_api
 from gateway.api.services import Services
+from gateway.wiring.gateway import Gateway
 
-if TYPE_CHECKING:
-    from gateway.app import Gateway
+__all__ = ["create_app", "services_of"]
 
-__all__ = ["services_of"]
+
+def create_app(gateway: Gateway) -> ASGIApp:
+    """What answers over HTTP and WebSocket."""
+    return create_api(services_of(gateway))
 
 
 def services_of(gateway: Gateway) -> Services:
     """Every feature behind a route or an RPC."""
     return Services(
         settings=gateway.settings,
-        door=gateway.door,
+        authenticator=gateway.authenticator,
         accounts=gateway.accounts,
         audit=gateway.audit,
         oidc=gateway.oidc,
-        attendance=gateway.attendance,
+        open_connections=gateway.open_connections,
         tickets=gateway.tickets,
         rates=gateway.rates,
         identities=gateway.identities,
@@ -38,7 +42,7 @@ def services_of(gateway: Gateway) -> Services:
         graphs=gateway.ros.graphs,
         goals=gateway.ros.goals,
         offers=gateway.ros.offers,
-        orders=gateway.orders,
+        command_manager=gateway.command_manager,
         teleop=gateway.teleop,
         talk=gateway.talk,
         twins=gateway.twins,
@@ -46,16 +50,20 @@ def services_of(gateway: Gateway) -> Services:
         updates=gateway.updates,
         rollouts=gateway.rollouts,
         events=gateway.events.journal,
-        alerts=gateway.watching.desk,
-        watch=gateway.watching.watch,
-        notices=gateway.watching.notices,
-        backtests=gateway.watching.backtests,
-        queue=gateway.reacting.queue,
-        functions=gateway.reacting.functions,
-        rules=gateway.reacting.rules,
+        alerts=gateway.alerting.manager,
+        watch=gateway.alerting.watch,
+        notices=gateway.alerting.notices,
+        backtests=gateway.alerting.backtests,
+        queue=gateway.automation.queue,
+        functions=gateway.automation.functions,
+        rules=gateway.automation.rules,
         leases=gateway.leases,
-        demand_of=gateway.demand.told,
+        demand_of=gateway.demand.sent,
         describe=gateway.describe,
         checks=gateway.checks,
-        operations=gateway.operations,
+        meters=gateway.operations.meters,
+        traces=gateway.operations.traces,
+        families=gateway.operations.families,
+        report=gateway.operations.report,
+        is_draining=lambda: gateway.operations.draining,
     )

@@ -1,4 +1,4 @@
-"""The gateway's end in its order: not ready, robots told, sockets closed, what is under way finished, within a bound.
+"""Drains the gateway: not ready, robots notified, sockets closed, requests finished, within a time limit.
 
 1  /readyz says 503; everything goes on for `drain_notice_s`, so that a load balancer notices and sends nobody
 2  commands that are under way, for people here and at other gateways, get their results within `drain_s`
@@ -16,7 +16,7 @@ from collections.abc import Awaitable, Callable
 
 import grpc
 
-from gateway.app import Gateway
+from gateway.wiring.gateway import Gateway
 
 __all__ = ["drain"]
 
@@ -49,6 +49,6 @@ async def drain(
 async def _results(gateway: Gateway) -> None:
     """Return when no command waits for its result, or when its time is over."""
     for _ in range(math.ceil(gateway.settings.drain_s / LOOK_S)):
-        if not gateway.commands.under_way and not gateway.clustering.owed:
+        if not gateway.commands.under_way and not gateway.cluster.owed:
             return
         await asyncio.sleep(LOOK_S)

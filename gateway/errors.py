@@ -47,7 +47,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from gateway.error_rows import ERRORS, ErrorRow
+from gateway.error_table import ERRORS, ErrorRow
 from metaros.errors import MetarosError
 
 __all__ = [

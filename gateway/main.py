@@ -10,28 +10,32 @@ import os
 import socket
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import grpc
 import uvicorn
 
-from gateway.announce import LocalAccess, Ready, ready_line, write_status
-from gateway.api.grpc.authenticate import Gate
+from gateway.api.grpc.authenticate import CallAuthorizer
 from gateway.api.grpc.serving import add_programs
-from gateway.api.viewer_doors import FOXGLOVE, ROSBRIDGE, OwnPorts
-from gateway.app import Gateway
-from gateway.crowd import Crowd, Guest, open_files
+from gateway.api.viewer_endpoints import FOXGLOVE, ROSBRIDGE, ProtocolPorts
+from gateway.app import create_app, services_of
 from gateway.domain.networks import is_within, read_address
 from gateway.drain import drain
-from gateway.grpc_server import ServerTls, make_server
-from gateway.heap import settle_heap
-from gateway.http_server import protocols
-from gateway.identity.door import Door
+from gateway.identity.authenticator import Authenticator
 from gateway.identity.passwords import Passwords
 from gateway.ingest.link_service import add_links
 from gateway.ops.logs import set_up_logs
-from gateway.ports import Listeners, PortChoice, listen, listen_all, port_of
+from gateway.server.announce import LocalAccess, Ready, ready_line, write_status
+from gateway.server.connections import Connection, ConnectionLimits, open_files
+from gateway.server.garbage_collector import tune_garbage_collector
+from gateway.server.grpc import ServerTls, make_server
+from gateway.server.http import protocols
+from gateway.server.ports import Listeners, PortChoice, listen, listen_all, port_of
+from gateway.server.systemd import ENDING, READY, notify_systemd, watchdog_loop
+from gateway.server.tls import HttpTls, strict_transport
+from gateway.server.tls_accept import TlsAcceptor
 from gateway.settings import (
     DEFAULT_API_GRPC_PORT,
     DEFAULT_FOXGLOVE_PORT,
@@ -40,13 +44,11 @@ from gateway.settings import (
     DEFAULT_ROSBRIDGE_PORT,
     Settings,
 )
-from gateway.systemd import ENDING, READY, beat, tell_systemd
-from gateway.tls import HttpTls, strict_transport
-from gateway.tls_accept import TlsAcceptor
+from gateway.wiring.gateway import Gateway
 from metaros.clock import Clock, SystemClock
+from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
-from metaros.signals import on_stop
 
 __all__ = ["Ready", "run", "serve"]
 
@@ -59,11 +61,11 @@ LOOK_S = 0.01  # between looks at what the HTTP server still does at its end
 class _HttpServer(uvicorn.Server):
     """uvicorn without its signal handlers and naps: the program has its own, and ends at once; `up`: it serves."""
 
-    def __init__(self, config: uvicorn.Config, *, crowd: Crowd, tls: HttpTls | None) -> None:
+    def __init__(self, config: uvicorn.Config, *, connection_limits: ConnectionLimits, tls: HttpTls | None) -> None:
         super().__init__(config)
         self.up = asyncio.Event()
         self._ending = asyncio.get_running_loop().create_future()
-        self._crowd = crowd
+        self._connection_limits = connection_limits
         self._tls = tls
         self._accepting: list[asyncio.Task[None]] = []
 
@@ -78,7 +80,9 @@ class _HttpServer(uvicorn.Server):
         await super().startup(sockets if tls is None else [])
         if tls is not None:
             for listener in sockets or ():
-                acceptor = TlsAcceptor(listener, crowd=self._crowd, context=tls.context, protocol=self._protocol)
+                acceptor = TlsAcceptor(
+                    listener, connection_limits=self._connection_limits, context=tls.context, protocol=self._protocol
+                )
                 self._accepting.append(asyncio.get_running_loop().create_task(acceptor.run()))
         self.up.set()
 
@@ -88,7 +92,7 @@ class _HttpServer(uvicorn.Server):
             await asyncio.wait({self._ending}, timeout=DATE_S)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Take nobody any more, let what is under way finish within its time, then cut it."""
+        """Take nobody any more, let what is under way finish within its time, then cancel it."""
         for task in self._accepting:
             task.cancel()
         for server in self.servers:
@@ -116,10 +120,10 @@ class _HttpServer(uvicorn.Server):
             self._ending.set_result(None)
         await asyncio.wait({serving})
 
-    def _protocol(self, guest: Guest) -> asyncio.Protocol:
+    def _protocol(self, connection: Connection) -> asyncio.Protocol:
         made: Any = self.config.http_protocol_class
         state = {"server_state": self.server_state, "app_state": self.lifespan.state}
-        protocol: asyncio.Protocol = made(config=self.config, **state, guest=guest)
+        protocol: asyncio.Protocol = made(config=self.config, **state, connection=connection)
         return protocol
 
 
@@ -128,15 +132,16 @@ async def serve(
     stop: asyncio.Event,
     *,
     clock: Clock | None = None,
-    door: Door | None = None,
+    authenticator: Authenticator | None = None,
     passwords: Passwords | None = None,
     on_ready: Callable[[Ready], None] = lambda ready: None,
 ) -> None:
-    """Run a gateway in this event loop until `stop` is set; `door` knows credentials beside its own, `passwords` hashes
-    them otherwise.
+    """Run a gateway in this event loop until `stop` is set.
+
+    `authenticator` knows credentials beside its own, `passwords` hashes them otherwise.
     """
     with listen_all(settings.host, _ports(settings)) as listeners:
-        gateway = Gateway(settings, clock=clock or SystemClock(), door=door, passwords=passwords)
+        gateway = Gateway(settings, clock=clock or SystemClock(), authenticator=authenticator, passwords=passwords)
         try:
             await gateway.start()
             await _serve(gateway, listeners, stop, on_ready)
@@ -151,29 +156,31 @@ async def _serve(
 ) -> None:
     robots, gateway.grpc_port = _robots_server(gateway)
     programs, gateway.programs_port = _programs_server(gateway)
-    crowd = _crowd(gateway)
-    gateway.operations.connections = lambda: len(crowd)
-    http = _HttpServer(_http_config(gateway, crowd, listeners), crowd=crowd, tls=gateway.tls)
+    connection_limits = _connection_limits(gateway)
+    gateway.operations.connections = lambda: len(connection_limits)
+    http = _HttpServer(
+        _http_config(gateway, connection_limits, listeners), connection_limits=connection_limits, tls=gateway.tls
+    )
     await robots.start()
     await programs.start()
     try:
         async with asyncio.TaskGroup() as group:
             web = group.create_task(http.serve(sockets=list(filter(None, listeners))))
             work = group.create_task(gateway.run())
-            sweeping = group.create_task(crowd.run())
-            beating = group.create_task(beat())
+            sweeping = group.create_task(connection_limits.run())
+            watchdog = group.create_task(watchdog_loop())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
             on_ready(_ready(gateway, listeners, gateway.programs_port))
             await stop.wait()
-            tell_systemd(ENDING)
+            notify_systemd(ENDING)
             await drain(gateway, robots=robots, programs=programs, end_http=lambda: http.end(web))
             work.cancel()
             sweeping.cancel()
-            beating.cancel()
+            watchdog.cancel()
     finally:
         await asyncio.gather(robots.stop(0), programs.stop(0))
-        crowd.close()
+        connection_limits.close()
 
 
 def _ports(settings: Settings) -> tuple[PortChoice, ...]:
@@ -215,11 +222,11 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
 
 def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     """Where people's programs connect, and its port."""
-    own, gate = gateway.settings, Gate(lambda: gateway.services)
+    own, authorizer = gateway.settings, CallAuthorizer(cache(partial(services_of, gateway)))
     return _grpc_server(
         own.host,
         PortChoice(own.api_grpc_port, DEFAULT_API_GRPC_PORT, "--api-grpc-port"),
-        lambda server: add_programs(server, gate),
+        lambda server: add_programs(server, authorizer),
         connections=LIMITS.programs_connections,
         tls=(lambda: _programs_tls(gateway)) if own.robots_tls else None,
     )
@@ -264,22 +271,22 @@ def _own_pair(gateway: Gateway) -> tuple[bytes, bytes]:
     return pair.chain_pem, pair.key_pem
 
 
-def _crowd(gateway: Gateway) -> Crowd:
+def _connection_limits(gateway: Gateway) -> ConnectionLimits:
     """Who may be connected to the HTTP port: of this machine and of proxies many."""
     proxies = gateway.settings.proxies
 
-    def roomy(text: str) -> bool:
+    def is_shared(text: str) -> bool:
         address = read_address(text)
         return address is not None and (address.is_loopback or is_within(address, proxies))
 
-    return Crowd(clock=gateway.clock, roomy=roomy, files=open_files())
+    return ConnectionLimits(clock=gateway.clock, is_shared=is_shared, files=open_files())
 
 
-def _http_config(gateway: Gateway, crowd: Crowd, listeners: Listeners) -> uvicorn.Config:
+def _http_config(gateway: Gateway, connection_limits: ConnectionLimits, listeners: Listeners) -> uvicorn.Config:
     tls = gateway.tls
-    doors = zip(map(port_of, listeners[1:]), (FOXGLOVE, ROSBRIDGE), strict=True)
-    api = OwnPorts(gateway.api, {port: path for port, path in doors if port})
-    http, socket_protocol = protocols(crowd, clock=gateway.clock)
+    protocol_ports = zip(map(port_of, listeners[1:]), (FOXGLOVE, ROSBRIDGE), strict=True)
+    api = ProtocolPorts(create_app(gateway), {port: path for port, path in protocol_ports if port})
+    http, socket_protocol = protocols(connection_limits, clock=gateway.clock)
     return uvicorn.Config(
         strict_transport(api, tls) if tls is not None else api,
         http=http,
@@ -317,8 +324,8 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
         access.begin(where)
         if status_file is not None:
             write_status(status_file, where)
-        tell_systemd(READY)
-        settle_heap()
+        notify_systemd(READY)
+        tune_garbage_collector()
 
     async def main() -> None:
         stop = asyncio.Event()

@@ -7,10 +7,10 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gateway.domain.host_names import is_wildcard, machine_names, outward_address
 from gateway.domain.networks import Network, parse_networks
-from gateway.names import is_wildcard, machine_names, outward_address
+from metaros.automation.functions.egress.rules import parse_bound
 from metaros.errors import ConfigError, FieldError
-from metaros.functions.egress_rules import parse_bound
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -102,8 +102,8 @@ class Settings:
     def __post_init__(self) -> None:
         """Refuse what cannot work, naming the setting."""
         from gateway.cluster.routers import check_routers
-        from gateway.objects import check_objects_url  # heavy: a page of help needs none of it
         from gateway.store.engines import check_url
+        from gateway.store.objects import check_objects_url  # heavy: a page of help needs none of it
         from gateway.store.retention import class_limits
 
         check_url(self.store_url)

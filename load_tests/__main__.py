@@ -14,34 +14,42 @@ import sys
 from load_tests.figures import gathered
 from load_tests.summary import print_summary, summarise
 
-BENCHMARKS = {
-    "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is make bench-anomaly",
-    "attacks": "what an honest client notices while somebody attacks the gateway",
+LIBRARY = {
     "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
-    "camera": "a picture from its stamp to a canvas in Chromium: JPEG and H.264, and what they cost on the robot",
     "cdr": "CDR encode and decode against rosbags",
-    "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
-    "fleet": "thousands of robots on one gateway over the real link: steady, storm, viewers, bulk, chaos, growth",
-    "functions": "calls of a function: engine, gateway and boto3 beside AWS's runtime interface emulator",
-    "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",
-    "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
-    "ingest": "metric rows and samples through a real gateway",
     "lidar": "a VLP-16 at full rate: parsing, beside a plain loop and velodyne-decoder; all the way to a subscriber",
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
-    "rest": "pages of 100 of ten thousand robots for 50 clients at a time",
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
-    "rules": "one event among 1,000 and 10,000 event patterns, beside asking each and moto's matcher",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "start": "how long programs take to start, beside python -c pass and another copy of this repository",
-    "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
     "timer": "how late timers are called, per executor",
-    "twin": "a change of a thousand robots' desired states: accepted, and lived by",
-    "watch": "10,000 series at 1 Hz through log, judge and desk; what the event loop notices; restarts",
 }
+GATEWAY = {
+    "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is make bench-anomaly",
+    "attacks": "what an honest client notices while somebody attacks the gateway",
+    "camera": "a picture from its stamp to a canvas in Chromium: JPEG and H.264, and what they cost on the robot",
+    "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
+    "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",
+    "fleet": "thousands of robots on one gateway over the real link: steady, storm, viewers, bulk, chaos, growth",
+    "functions": "calls of a function: engine, gateway and boto3 beside AWS's runtime interface emulator",
+    "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
+    "ingest": "metric rows and samples through a real gateway",
+    "rest": "pages of 100 of ten thousand robots for 50 clients at a time",
+    "rules": "one event among 1,000 and 10,000 event patterns, beside asking each and moto's matcher",
+    "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
+    "twin": "a change of a thousand robots' desired states: accepted, and lived by",
+    "watch": "10,000 series at 1 Hz, from log to alerts; what the event loop notices; restarts",
+}
+BENCHMARKS = dict(sorted({**LIBRARY, **GATEWAY}.items()))
+
+
+def module_of(name: str) -> str:
+    """The module of a benchmark: `load_tests.benchmarks.library.cdr` for `cdr`."""
+    return f"load_tests.benchmarks.{'library' if name in LIBRARY else 'gateway'}.{name}"
 
 
 def main(argv: list[str]) -> int:
@@ -64,7 +72,7 @@ def main(argv: list[str]) -> int:
         if not options:
             print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
         with gathered(name, options) as run:
-            run.code = int(importlib.import_module(f"load_tests.bench_{name}").main(options) or 0)
+            run.code = int(importlib.import_module(module_of(name)).main(options) or 0)
         codes.append(run.code)
     print_summary(chosen)
     return int(any(codes))

@@ -3,7 +3,7 @@
     if TYPE_CHECKING:
         import numpy as np
     else:
-        np = Later("numpy")
+        np = LazyModule("numpy")
 
 Thread-safe, as imports are. A name that was used once is an ordinary attribute from then on.
 """
@@ -13,10 +13,10 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__all__ = ["Later"]
+__all__ = ["LazyModule"]
 
 
-class Later:
+class LazyModule:
     """Stands for the module `name`."""
 
     def __init__(self, name: str) -> None:

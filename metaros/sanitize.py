@@ -8,15 +8,15 @@ from __future__ import annotations
 import json
 import logging
 
-__all__ = ["InertFormatter", "inert", "inert_json", "inert_lines"]
+__all__ = ["SanitizingFormatter", "sanitize", "sanitize_json", "sanitize_lines"]
 
 
-class InertFormatter(logging.Formatter):
+class SanitizingFormatter(logging.Formatter):
     """A record is one line, whatever is in it; a traceback follows it, set in, so that no line of it looks like one."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
         """The line itself."""
-        return inert(super().formatMessage(record))
+        return sanitize(super().formatMessage(record))
 
     def formatException(self, ei: object) -> str:
         """The traceback; what an error says may come from outside, too."""
@@ -27,19 +27,19 @@ class InertFormatter(logging.Formatter):
         return _set_in(super().formatStack(stack_info))
 
 
-def inert(text: str) -> str:
+def sanitize(text: str) -> str:
     """The text with what a terminal obeys, or shows as something else, written out: `\\x1b`, `\\n`, `\\u202e`."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def inert_lines(text: str) -> str:
+def sanitize_lines(text: str) -> str:
     """The same for a text that may have several lines, as errors with their advice have."""
-    return "\n".join(map(inert, text.split("\n")))
+    return "\n".join(map(sanitize, text.split("\n")))
 
 
-def inert_json(document: str) -> str:
+def sanitize_json(document: str) -> str:
     """A JSON document that says the same, with all that cannot be printed written as `\\uXXXX`.
 
     json.dumps without ensure_ascii leaves C1 controls and marks of direction as they are, and half surrogates,
@@ -51,4 +51,4 @@ def inert_json(document: str) -> str:
 
 
 def _set_in(text: str) -> str:
-    return "\n".join(f"  {inert(line)}" for line in text.split("\n"))
+    return "\n".join(f"  {sanitize(line)}" for line in text.split("\n"))

@@ -17,8 +17,8 @@ from metaros.clock import ManualClock
 from tests.support.ports import free_port as _free_port
 
 if TYPE_CHECKING:
-    from tests.support.postgres import PostgresServer
-    from tests.support.seaweed import SeaweedServer
+    from tests.support.servers.postgres import PostgresServer
+    from tests.support.servers.seaweed import SeaweedServer
 
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -105,7 +105,7 @@ def free_port() -> int:
 @pytest.fixture
 def zenoh_router() -> Iterator[str]:
     """A real Zenoh router on a free loopback port, its own island; yields the endpoint to connect to."""
-    from tests.support.routers import zenoh_router
+    from tests.support.servers.routers import zenoh_router
 
     with zenoh_router() as endpoint:
         yield endpoint
@@ -114,7 +114,7 @@ def zenoh_router() -> Iterator[str]:
 @pytest.fixture(scope="session")
 def postgres_server() -> Iterator[PostgresServer]:
     """This worker's PostgreSQL server, for what several tests share; only CI may not be without."""
-    from tests.support.postgres import PostgresServer, postgres_binaries
+    from tests.support.servers.postgres import PostgresServer, postgres_binaries
 
     if postgres_binaries() is None and not os.environ.get("CI"):
         pytest.skip("PostgreSQL is not installed (Debian: apt install postgresql)")
@@ -136,7 +136,7 @@ def postgres(postgres_server: PostgresServer) -> Iterator[PostgresServer]:
 @pytest.fixture(scope="session")
 def seaweed() -> Iterator[SeaweedServer]:
     """This worker's S3 server."""
-    from tests.support.seaweed import SeaweedServer
+    from tests.support.servers.seaweed import SeaweedServer
 
     server = SeaweedServer()
     try:

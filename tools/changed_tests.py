@@ -123,6 +123,8 @@ def rank(changed: Iterable[str], graph: Graph) -> list[tuple[int, str]]:
         for test in graph.tests.values():
             if test == name or test.startswith(f"{mirror[0]}/test_{mirror[2]}"):
                 add(test, 0)
+            if mirror[2] == "__init__" and test.rpartition("/")[0] == mirror[0]:
+                add(test, 1)  # whatever imports a module of the package runs it
     return sorted((steps, test) for test, steps in found.items() if "/test_" in test)
 
 

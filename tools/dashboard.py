@@ -1,4 +1,4 @@
-"""`build` the dashboard or `check` it (types and unit tests), with Node from PyPI where the machine has none."""
+"""`build` the dashboard or `check` it (circles, types, unit tests), with Node from PyPI where the machine has none."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
                 hatch_build.build(hatch_build.ROOT)
         else:
             ensure_node()
-            for script in ("check", "test"):
+            for script in ("circles", "check", "test"):
                 hatch_build.run_script(hatch_build.ROOT, script)
                 print(f"dashboard: npm run {script} passed")
     except (hatch_build.DashboardBuildError, subprocess.CalledProcessError) as error:

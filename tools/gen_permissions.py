@@ -13,7 +13,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(REPOSITORY))
 
 from gateway.api import ROUTERS  # noqa: E402
-from gateway.api.allow import BARE, RPCS, routes_of  # noqa: E402
+from gateway.api.authorization import PATH_PERMISSIONS, RPC_PERMISSIONS, routes_of  # noqa: E402
 from gateway.identity.permissions import PERMISSIONS, Permission  # noqa: E402
 
 PAGE = REPOSITORY / "docs" / "reference" / "permissions.md"
@@ -35,8 +35,8 @@ def render() -> str:
         f"| {'WebSocket' if method == 'SOCKET' else method} `{path}` | `{declared[0].name}` | {_who(declared[0])} |\n"
         for method, path, declared in routes_of(ROUTERS)
     ]
-    operations += [f"| GET `{path}` | `{name}` | {_named(name)} |\n" for path, name in BARE.items()]
-    operations += [f"| gRPC `{path}` | `{name}` | {_named(name)} |\n" for path, name in RPCS.items()]
+    operations += [f"| GET `{path}` | `{name}` | {_named(name)} |\n" for path, name in PATH_PERMISSIONS.items()]
+    operations += [f"| gRPC `{path}` | `{name}` | {_named(name)} |\n" for path, name in RPC_PERMISSIONS.items()]
     head = "\n## Which operation needs which\n\n| operation | permission | least role |\n|---|---|---|\n"
     return prose + MARK + HEAD + "".join(rows) + head + "".join(operations)
 

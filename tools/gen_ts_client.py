@@ -19,7 +19,7 @@ sys.path.insert(0, str(REPOSITORY))
 from fastapi import FastAPI  # noqa: E402
 
 from gateway.api import ROUTERS  # noqa: E402
-from gateway.api.openapi import describe_permissions  # noqa: E402
+from gateway.api.openapi.permissions import describe_permissions  # noqa: E402
 
 TARGET = REPOSITORY / "dashboard" / "src" / "api" / "schema.ts"
 BASE = "/api/v1"

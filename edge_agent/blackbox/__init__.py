@@ -1,1 +1,1 @@
-"""The black box: the last minutes of everything at full rate on the robot's own disk, and the clips cut from it."""
+"""The black box: the last minutes of every topic at full rate on the robot's own disk, and clips of it."""

@@ -15,18 +15,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
-from edge_agent.blackbox.ring import Piece, Ring
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.blackbox.source import Source
+from edge_agent.blackbox.publisher import RecordedPublisher
+from edge_agent.blackbox.ring import Ring, RingFile
+from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import BlackBoxOffError
-from edge_agent.pipeline import Arrival
+from edge_agent.forwarding.pipeline import Arrival
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 from metaros.record.ledger import Publisher
 
-__all__ = ["BlackBox", "Held"]
+__all__ = ["BlackBox", "RingSnapshot"]
 
 T = TypeVar("T")
 LOG = logging.getLogger("metaros.agent.black_box")
@@ -37,10 +37,10 @@ OVERHEAD_BYTES: Final = 512  # what a waiting sample weighs beside its payload
 _MOST_SOURCES: Final = 65_000  # publishers; an MCAP file knows no more channels
 
 
-class Held(NamedTuple):
+class RingSnapshot(NamedTuple):
     """The ring's files, held for a reader; the publishers know what is missing in them."""
 
-    pieces: Sequence[Piece]
+    files: Sequence[RingFile]
     latched: Path  # the path of the file with latched samples that left the ring
     publishers: dict[tuple[str, bytes], Publisher]  # by topic and GID
 
@@ -96,7 +96,7 @@ class BlackBox:
         self._ending = False
         self._lock = threading.Lock()
         self._waiting_bytes = self._overflow = 0
-        self._sources: dict[tuple[int, bytes], Source] = {}
+        self._sources: dict[tuple[int, bytes], RecordedPublisher] = {}
         self._facts = _Facts()
         self._failed = ""
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
@@ -130,9 +130,9 @@ class BlackBox:
                 self._overflow += 1
                 self._source(arrival).publisher.refuse(arrival.sequence, "dropped")
 
-    def hold(self) -> Future[Held]:
+    def hold(self) -> Future[RingSnapshot]:
         """The files with everything that came until now, to be given back by `release`; or BlackBoxOffError."""
-        return self._on_writer(lambda ring: Held(ring.hold(), ring.latched_path, self._publishers()))
+        return self._on_writer(lambda ring: RingSnapshot(ring.hold(), ring.latched_path, self._publishers()))
 
     def release(self) -> None:
         """The held files were read."""
@@ -185,7 +185,7 @@ class BlackBox:
                 self._tick(ring)
         self._all_that_waits(ring)
         if ring is not None:
-            ring.close_piece()
+            ring.close_file()
 
     def _all_that_waits(self, ring: Ring | None) -> None:
         with self._lock:
@@ -234,16 +234,16 @@ class BlackBox:
             self._takes[topic] = wanted
         return wanted
 
-    def _source(self, arrival: Arrival) -> Source:
+    def _source(self, arrival: Arrival) -> RecordedPublisher:
         source = self._sources.get((arrival.channel.channel_id, arrival.gid))
         return source or self._meet(arrival.channel, arrival.gid)
 
-    def _meet(self, channel: Any, gid: bytes) -> Source:
+    def _meet(self, channel: Any, gid: bytes) -> RecordedPublisher:
         """A publisher's first sample; the oldest known yields where there are too many."""
         while len(self._sources) >= _MOST_SOURCES:
             self._sources.pop(next(iter(self._sources)), None)
         publisher = Publisher(channel.topic, channel.type_name, gid)
-        return self._sources.setdefault((channel.channel_id, gid), Source(channel, publisher))
+        return self._sources.setdefault((channel.channel_id, gid), RecordedPublisher(channel, publisher))
 
     def _publishers(self) -> dict[tuple[str, bytes], Publisher]:
         return {

@@ -1,4 +1,4 @@
-"""Cuts a span of the ring into one MCAP file, as a bag that any reader of ROS 2 recordings opens. Blocks.
+"""Copies a time span of the ring into one MCAP file, a bag that any reader of ROS 2 recordings opens. Blocks.
 
 Messages keep the robot's stamps: `log_time` is when the agent had them, `publish_time` when they were sent. Of latched
 topics the samples come first that a late joiner would have got at the begin of the span. Every sequence number of the
@@ -18,17 +18,17 @@ from typing import Final
 
 from mcap.records import Channel
 
-from edge_agent.blackbox.box import Held
+from edge_agent.blackbox.box import RingSnapshot
 from edge_agent.blackbox.latched import last_of_each
-from edge_agent.blackbox.reading import DEPTH_KEY, GID_KEY, Record, records
-from edge_agent.blackbox.ring import Piece
+from edge_agent.blackbox.mcap_reader import DEPTH_KEY, GID_KEY, Record, records
+from edge_agent.blackbox.ring import RingFile
 from edge_agent.errors import DiskError, DiskFullError, NothingRecordedError
 from metaros.idl.globs import Glob
 from metaros.mcap import McapFile
 from metaros.record.bag_index import FileIndex, read_index
 from metaros.record.ledger import GAPS, Ledger, Publisher
 
-__all__ = ["Clip", "Span", "cut"]
+__all__ = ["Clip", "Span", "write_clip"]
 
 CHUNK_BYTES: Final = 1 << 20
 _CHECK_BYTES: Final = 8 << 20  # how much is written between two looks at the disk
@@ -46,9 +46,9 @@ class Span:
     to_ns: int
     topics: tuple[str, ...] = ()
 
-    def of(self, pieces: Iterable[Piece]) -> list[Piece]:
+    def of(self, files: Iterable[RingFile]) -> list[RingFile]:
         """Those that may hold something of it."""
-        return [piece for piece in pieces if piece.first_ns <= self.to_ns and piece.last_ns >= self.from_ns]
+        return [piece for piece in files if piece.first_ns <= self.to_ns and piece.last_ns >= self.from_ns]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,9 @@ class Clip:
     messages: int
 
 
-def cut(held: Held, span: Span, output: Path, *, robot_id: str, check: Callable[[], object] = lambda: None) -> Clip:
+def write_clip(
+    held: RingSnapshot, span: Span, output: Path, *, robot_id: str, check: Callable[[], object] = lambda: None
+) -> Clip:
     """Write the clip to `output`, synced; `check` is called now and then, and what it raises ends the cut.
 
     Raises:
@@ -71,11 +73,11 @@ def cut(held: Held, span: Span, output: Path, *, robot_id: str, check: Callable[
         DiskError: the disk failed.
         RecordingError: a file of the ring cannot be read.
     """
-    had = [(piece.first_ns, piece.last_ns) for piece in held.pieces]
-    found = span.of(held.pieces)
+    had = [(piece.first_ns, piece.last_ns) for piece in held.files]
+    found = span.of(held.files)
     if not found:
         raise NothingRecordedError("the black box holds nothing of this time")
-    earlier = [piece.path for piece in held.pieces if piece.latched and piece.first_ns < span.from_ns]
+    earlier = [piece.path for piece in held.files if piece.latched and piece.first_ns < span.from_ns]
     try:
         with output.open("wb", buffering=0) as stream:
             writer = _Writer(McapFile(stream, chunk_bytes=CHUNK_BYTES), span, held.publishers, check)
@@ -210,7 +212,7 @@ class _Writer:
 _NEW: Final = (-1, Publisher("", "", b""))
 
 
-def _existing(latched: Path, earlier: Sequence[Path], found: Iterable[Piece]) -> list[Path]:
+def _existing(latched: Path, earlier: Sequence[Path], found: Iterable[RingFile]) -> list[Path]:
     """The files to read, each once, oldest first."""
     paths = [latched] if latched.exists() else []
     rest = {*earlier, *(piece.path for piece in found)}

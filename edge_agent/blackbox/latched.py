@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from edge_agent.blackbox.reading import DEPTH_KEY, Record, latched_channels, records
+from edge_agent.blackbox.mcap_reader import DEPTH_KEY, Record, latched_channels, records
 from metaros.mcap import McapFile
 from metaros.record.bag_index import FileIndex, read_index
 

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
-from edge_agent.blackbox.reading import DEPTH_KEY, GID_KEY
-from edge_agent.channels import Channel
-from edge_agent.scope import ROSOUT
+from edge_agent.blackbox.mcap_reader import DEPTH_KEY, GID_KEY
+from edge_agent.forwarding.channels import Channel
+from edge_agent.forwarding.scope import ROSOUT
 from metaros.errors import MetarosError
 from metaros.record.ledger import Publisher
 from metaros.record.qos_yaml import offered_qos
 from metaros.wire import Durability, QoSProfile
 
-__all__ = ["Source", "channel_metadata"]
+__all__ = ["RecordedPublisher", "channel_metadata"]
 
 _MOST_LATCHED: Final = 100  # samples of one publisher that are kept beyond the ring
 
 
 @dataclass(slots=True, eq=False)
-class Source:
+class RecordedPublisher:
     """`publisher` holds the sequence numbers that came and were not written."""
 
     channel: Channel

@@ -1,7 +1,7 @@
 """Recordings that were cut and wait for the gateway: an MCAP file each, and a small JSON file beside it that names it.
 
 The event loop owns it. A file counts once its JSON is there, so a cut that a crash interrupted leaves nothing. A file
-that does not hold what its JSON says is told as failed rather than sent.
+that does not hold what its JSON says is reported as failed rather than sent.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from edge_agent.outbox import OsDisk
 from metaros.errors import UsageError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Saved", "Shelf"]
+__all__ = ["RecordingStore", "SavedRecording"]
 
 LOG = logging.getLogger("metaros.agent.black_box")
 _ID: Final = re.compile(r"[0-9A-HJKMNP-TV-Z]{26}\Z")
@@ -31,7 +31,7 @@ _REMEMBERED: Final = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Saved:
+class SavedRecording:
     """A recording that waits; `failed` says by a code why there is no file that could be sent."""
 
     recording_id: str
@@ -44,18 +44,18 @@ class Saved:
     failed: str = ""
 
 
-class Shelf:
+class RecordingStore:
     """At most `limits.recordings` files of `limits.recordings_bytes` together."""
 
     def __init__(self, folder: Path, *, limits: Limits = LIMITS) -> None:
         """Read what waits; DiskError."""
         self._folder, self._limits = folder, limits
         self._disk = OsDisk(folder)
-        self._saved: dict[str, Saved] = {}
+        self._saved: dict[str, SavedRecording] = {}
         self._gone: dict[str, None] = {}  # the newest that the gateway has, or does not want
         self._read_all()
 
-    def __iter__(self) -> Iterator[Saved]:
+    def __iter__(self) -> Iterator[SavedRecording]:
         return iter(list(self._saved.values()))
 
     def __len__(self) -> int:
@@ -66,7 +66,7 @@ class Shelf:
         """All files together."""
         return sum(saved.size_bytes for saved in self._saved.values())
 
-    def get(self, recording_id: str) -> Saved | None:
+    def get(self, recording_id: str) -> SavedRecording | None:
         """The recording of that id, if it waits."""
         return self._saved.get(recording_id)
 
@@ -90,9 +90,9 @@ class Shelf:
         """Where to write a file that is to be added."""
         return self._folder / f"{recording_id}.partial"
 
-    def keep(self, recording_id: str, clip: Clip, *, made_ns: int) -> Saved:
+    def keep(self, recording_id: str, clip: Clip, *, made_ns: int) -> SavedRecording:
         """Put the draft in its place, synced; to be called on any thread, with `add` after it. DiskError."""
-        saved = Saved(
+        saved = SavedRecording(
             recording_id=recording_id,
             made_ns=made_ns,
             size_bytes=clip.size_bytes,
@@ -108,7 +108,7 @@ class Shelf:
         self._disk.replace(f"{recording_id}.json", json.dumps(asdict(saved)).encode())
         return saved
 
-    def add(self, saved: Saved) -> None:
+    def add(self, saved: SavedRecording) -> None:
         """It waits from now on."""
         self._saved[saved.recording_id] = saved
 
@@ -120,11 +120,11 @@ class Shelf:
         return data
 
     def fail(self, recording_id: str, code: str) -> None:
-        """Its file is of no use; the gateway is told so until it has heard it."""
+        """Its file is of no use; this is reported until the gateway has acknowledged it."""
         saved = self._saved[recording_id]
         LOG.warning("the recording %s cannot be sent: %s", recording_id, code)
         facts = {**asdict(saved), "size_bytes": 0, "sha256": "", "failed": code}
-        self._saved[recording_id] = Saved(**facts)
+        self._saved[recording_id] = SavedRecording(**facts)
         self._unlink(recording_id, "mcap")
         with contextlib.suppress(DiskError):  # the next run finds out anew
             self._disk.replace(f"{recording_id}.json", json.dumps(facts).encode())
@@ -141,7 +141,7 @@ class Shelf:
 
     def _read_all(self) -> None:
         """What is there, oldest first; leftovers of interrupted cuts are deleted."""
-        found: list[Saved] = []
+        found: list[SavedRecording] = []
         names = {Path(name).stem for name in self._disk.names(".") if _ID.match(Path(name).stem)}
         for recording_id in names:
             self._unlink(recording_id, "partial")
@@ -156,11 +156,11 @@ class Shelf:
             if not saved.failed and self._disk.size(f"{saved.recording_id}.mcap") != saved.size_bytes:
                 self.fail(saved.recording_id, "damaged")
 
-    def _facts(self, recording_id: str) -> Saved | None:
+    def _facts(self, recording_id: str) -> SavedRecording | None:
         name = f"{recording_id}.json"
         try:
             facts = json.loads(self._disk.read(name, 0, _FACTS_BYTES)) if self._disk.size(name) else None
-            saved = Saved(**facts) if facts is not None else None
+            saved = SavedRecording(**facts) if facts is not None else None
         except (ValueError, TypeError, RecursionError):
             return None
         if saved is not None and not _is_sound(saved):
@@ -175,8 +175,8 @@ class Shelf:
             self._disk.remove(f"{recording_id}.{ending}")
 
 
-def _is_sound(saved: Saved) -> bool:
-    """Whether every fact is of its kind, so that it can be told to the gateway."""
+def _is_sound(saved: SavedRecording) -> bool:
+    """Whether every fact is of its kind, so that it can be reported to the gateway."""
     numbers = (saved.made_ns, saved.size_bytes, saved.from_ns, saved.to_ns, saved.messages)
     texts = (saved.recording_id, saved.sha256, saved.failed)
     return (

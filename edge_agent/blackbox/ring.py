@@ -17,16 +17,17 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from edge_agent.blackbox.latched import retire_latched
-from edge_agent.blackbox.reading import DEPTH_KEY, latched_channels
-from edge_agent.blackbox.source import Source
+from edge_agent.blackbox.mcap_reader import DEPTH_KEY, latched_channels
+from edge_agent.blackbox.publisher import RecordedPublisher
 from edge_agent.errors import DiskError
+from edge_agent.forwarding.channels import Channel
 from metaros.clock import Clock
 from metaros.errors import RecordingError
 from metaros.limits import LIMITS
 from metaros.mcap import McapFile
 from metaros.record.bag_index import read_index
 
-__all__ = ["Piece", "Ring", "free_floor"]
+__all__ = ["Ring", "RingFile", "free_floor"]
 
 LOG = logging.getLogger("metaros.agent.black_box")
 PIECE_S: Final = 10.0
@@ -34,7 +35,7 @@ CHUNK_BYTES: Final = 512 * 1024
 RETRY_S: Final = 5.0  # a disk that refused is tried again so often
 _FLOOR_SHARE, _FLOOR_BYTES = 0.10, 512 * 1024 * 1024  # free space that is not ours, whichever is less
 _LATCHED_SHARE: Final = 8
-Note = tuple[Source, int]
+Note = tuple[RecordedPublisher, int]
 
 
 def free_floor(total_bytes: int) -> int:
@@ -43,7 +44,7 @@ def free_floor(total_bytes: int) -> int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class RingFile:
     """A closed file of the ring."""
 
     number: int
@@ -67,9 +68,9 @@ class Ring:
         limit_bytes: int,
         free: Callable[[], tuple[int, int]],
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0),
-        seal: Callable[[Source, int, bytes], bytes] | None = None,
+        seal: Callable[[Channel, bytes, int, bytes], bytes] | None = None,
     ) -> None:
-        """`seal` makes what is kept of a payload and its number.
+        """`seal` makes what is kept of a channel's payload, its publisher's GID and number given.
 
         Take over the files that an earlier run left. `free` tells free and all bytes of the disk, or DiskError.
         """
@@ -79,12 +80,12 @@ class Ring:
         self._window_s, self._limit_bytes, self._seal = window_s, limit_bytes, seal
         self._piece_s = min(PIECE_S, window_s / 4)
         self._piece_bytes = min(LIMITS.black_box_piece_bytes, limit_bytes // 8)
-        self._pieces: deque[Piece] = deque()
+        self._pieces: deque[RingFile] = deque()
         self._holders = 0
         self._doomed: list[Path] = []  # left the ring while somebody reads it
         self._file: McapFile[Note] | None = None
         self._stream: BinaryIO | None = None
-        self._ids: dict[Source, int] = {}  # these three of the open file
+        self._ids: dict[RecordedPublisher, int] = {}  # these three of the open file
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._latched = False
         self._number = 0
@@ -112,7 +113,7 @@ class Ring:
             lasts.append(self._file.last_ns)
         return (min(firsts), max(lasts)) if firsts else (0, 0)
 
-    def write(self, source: Source, sequence: int, log_ns: int, publish_ns: int, payload: bytes) -> None:
+    def write(self, source: RecordedPublisher, sequence: int, log_ns: int, publish_ns: int, payload: bytes) -> None:
         """Add one message; where the disk does not take it, it is counted, and noted with its publisher."""
         try:
             file = self._file or self._open()
@@ -127,14 +128,14 @@ class Ring:
             self._failed(error)
             return
         if self._seal is not None:
-            payload = self._seal(source, sequence, payload)
+            payload = self._seal(source.channel, source.publisher.gid, sequence, payload)
         try:
             file.write(channel, log_ns, publish_ns, sequence, payload, (source, sequence))
         except OSError as error:
             self._failed(error)
             return
         if file.size_bytes >= self._piece_bytes:
-            self.close_piece()
+            self.close_file()
             self._trim()
 
     def tick(self) -> None:
@@ -147,13 +148,13 @@ class Ring:
             else:
                 self._say("")
         if self._file is not None and self._due():
-            self.close_piece()
+            self.close_file()
         self._trim()
         self._keep_free()
 
-    def hold(self) -> list[Piece]:
+    def hold(self) -> list[RingFile]:
         """Close the open file; all files, oldest first, which stay until `release`."""
-        self.close_piece()
+        self.close_file()
         self._holders += 1
         return list(self._pieces)
 
@@ -165,7 +166,7 @@ class Ring:
                 _unlink(path)
             self._doomed.clear()
 
-    def close_piece(self, *, index: bool = True) -> None:
+    def close_file(self, *, index: bool = True) -> None:
         """End the open file, with its index; without it the file is read as that of a killed agent."""
         file, stream = self._file, self._stream
         self._file = self._stream = None
@@ -186,7 +187,7 @@ class Ring:
             return
         recorded_s = self._clock.monotonic_s() - self._opened_s
         self._pieces.append(
-            Piece(
+            RingFile(
                 number=self._number,
                 path=path,
                 size_bytes=file.size_bytes,
@@ -217,7 +218,7 @@ class Ring:
         self._stream, self._opened_s, self._latched = stream, now_s, False
         return self._file
 
-    def _add(self, file: McapFile[Note], source: Source) -> int:
+    def _add(self, file: McapFile[Note], source: RecordedPublisher) -> int:
         """The source's channel in the open file, with its schema as far as it is known by now."""
         channel = source.channel
         key = (channel.type_name, channel.type_hash, channel.schema)
@@ -255,7 +256,7 @@ class Ring:
             return False
         if free >= wanted:
             return True
-        self.close_piece()
+        self.close_file()
         self._say(f"the black box stops: less than {wanted} bytes are free on its disk")
         return False
 
@@ -277,7 +278,7 @@ class Ring:
         """The disk does not take more: what was in the open chunk is lost, the oldest file makes room."""
         if self._file is not None:
             self._lose(self._file.abandon_chunk())
-        self.close_piece(index=False)
+        self.close_file(index=False)
         if self._pieces:
             self._retire()
         self._retry_s = self._clock.monotonic_s() + RETRY_S
@@ -318,7 +319,7 @@ class Ring:
         return self._folder / f"{number:012d}.mcap"
 
 
-def _found(path: Path, *, most_s: float) -> Piece | None:
+def _found(path: Path, *, most_s: float) -> RingFile | None:
     """A file of an earlier run; a clock that jumped in it makes it no longer than `most_s`."""
     try:
         index = read_index(path)
@@ -326,7 +327,7 @@ def _found(path: Path, *, most_s: float) -> Piece | None:
         return None
     if not index.message_count or not path.stem.isdigit():
         return None
-    return Piece(
+    return RingFile(
         number=int(path.stem),
         path=path,
         size_bytes=index.size_bytes,

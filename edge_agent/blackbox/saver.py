@@ -1,4 +1,4 @@
-"""From a SaveRecording command to a recording on the shelf: holds the ring, cuts on a thread, one at a time."""
+"""From a SaveRecording command to a stored recording: holds the ring, writes the clip on a thread, one at a time."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Final
 
 from edge_agent.blackbox.box import BlackBox
-from edge_agent.blackbox.clip import Clip, Span, cut
+from edge_agent.blackbox.clip import Clip, Span, write_clip
+from edge_agent.blackbox.recording_store import RecordingStore, SavedRecording
 from edge_agent.blackbox.ring import free_floor
-from edge_agent.blackbox.shelf import Saved, Shelf
 from edge_agent.errors import BlackBoxOffError, BusyError, DiskFullError
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -24,45 +24,45 @@ _MOST_TOPICS: Final = 256
 
 
 class Saver:
-    """Runs on the event loop. `free` tells free and all bytes of the disk; `changed` hears of each new recording."""
+    """Runs on the event loop. `free` gives free and all bytes of the disk; `changed` is called for each recording."""
 
     def __init__(
         self,
         box: BlackBox | None,
-        shelf: Shelf | None,
+        recordings: RecordingStore | None,
         clock: Clock,
         *,
         robot_id: str,
         free: Callable[[], tuple[int, int]],
         changed: Callable[[], None],
     ) -> None:
-        self._box, self._shelf, self._clock = box, shelf, clock
+        self._box, self._recordings, self._clock = box, recordings, clock
         self._robot_id, self._free, self._changed = robot_id, free, changed
         self._turn = asyncio.Lock()
         self._cutting: dict[str, asyncio.Task[None]] = {}
         self._closed = threading.Event()
 
     async def save(self, wanted: link_pb2.SaveRecording) -> None:
-        """Until the recording is on the shelf; at once where it is, or was. Several calls for one id are one.
+        """Until the recording is stored; at once where it is, or was. Several calls for one id are one.
 
         Raises:
             CommandError: what its code says: black_box_off, nothing_there, too_many_recordings, busy.
             DiskError: the disk did not take it, disk_full among others.
             UsageError: an id, a span or a pattern that is none.
         """
-        if self._box is None or self._shelf is None:
+        if self._box is None or self._recordings is None:
             raise BlackBoxOffError("the black box of this robot is off")
         name = wanted.recording_id
-        if self._shelf.get(name) is not None or self._shelf.was_here(name):
+        if self._recordings.get(name) is not None or self._recordings.was_here(name):
             self._changed()
             return
         task = self._cutting.get(name)
         if task is None:
-            self._shelf.check(name)
+            self._recordings.check(name)
             span = span_of(wanted, now_ns=self._clock.wall_ns())
             if len(self._cutting) >= _AT_ONCE:
                 raise BusyError(f"{_AT_ONCE} recordings are being cut")
-            task = self._cutting[name] = asyncio.create_task(self._save(self._box, self._shelf, span))
+            task = self._cutting[name] = asyncio.create_task(self._save(self._box, self._recordings, span))
             task.add_done_callback(lambda done: self._ended(name, done))
         await asyncio.shield(task)
 
@@ -71,24 +71,24 @@ class Saver:
         self._closed.set()
         await asyncio.gather(*self._cutting.values(), return_exceptions=True)
 
-    async def _save(self, box: BlackBox, shelf: Shelf, span: Span) -> None:
+    async def _save(self, box: BlackBox, recordings: RecordingStore, span: Span) -> None:
         held = await asyncio.wrap_future(box.hold())  # before the turn: the ring goes on, and the span with it
         try:
             async with self._turn:
-                shelf.check(span.recording_id, size_bytes=sum(piece.size_bytes for piece in span.of(held.pieces)))
+                recordings.check(span.recording_id, size_bytes=sum(piece.size_bytes for piece in span.of(held.files)))
 
-                def work() -> Saved:
-                    draft = shelf.draft(span.recording_id)
-                    clip: Clip = cut(held, span, draft, robot_id=self._robot_id, check=self._go_on)
-                    return shelf.keep(span.recording_id, clip, made_ns=self._clock.wall_ns())
+                def work() -> SavedRecording:
+                    draft = recordings.draft(span.recording_id)
+                    clip: Clip = write_clip(held, span, draft, robot_id=self._robot_id, check=self._go_on)
+                    return recordings.keep(span.recording_id, clip, made_ns=self._clock.wall_ns())
 
-                shelf.add(await asyncio.to_thread(work))
+                recordings.add(await asyncio.to_thread(work))
         finally:
             box.release()
         self._changed()
 
     def _go_on(self) -> None:
-        """On the cutting thread: whether the cut may."""
+        """On the writing thread: whether it may go on."""
         if self._closed.is_set():
             raise BlackBoxOffError("the agent ends")
         free, total = self._free()
@@ -98,7 +98,7 @@ class Saver:
     def _ended(self, name: str, task: asyncio.Task[None]) -> None:
         del self._cutting[name]
         if not task.cancelled():
-            task.exception()  # it was told to who waited, if anybody still does
+            task.exception()  # it was raised to who waited, if anybody still does
 
 
 def span_of(wanted: link_pb2.SaveRecording, *, now_ns: int) -> Span:

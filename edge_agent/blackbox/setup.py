@@ -6,15 +6,15 @@ import logging
 from pathlib import Path
 
 from edge_agent.blackbox.box import BlackBox
+from edge_agent.blackbox.recording_store import RecordingStore
 from edge_agent.blackbox.ring import Ring
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.blackbox.shelf import Shelf
+from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import DiskError
+from edge_agent.forwarding.sealing import Sealing
 from edge_agent.outbox import Disk
-from edge_agent.sealing import Sealing
 from metaros.clock import Clock
 
-__all__ = ["BOX_FOLDER", "RECORDINGS_FOLDER", "open_box", "open_shelf"]
+__all__ = ["BOX_FOLDER", "RECORDINGS_FOLDER", "open_box", "open_recordings"]
 
 LOG = logging.getLogger("metaros.agent.black_box")
 BOX_FOLDER, RECORDINGS_FOLDER = "black_box", "recordings"
@@ -42,10 +42,10 @@ def open_box(
     return box
 
 
-def open_shelf(directory: Path) -> Shelf | None:
-    """The recordings that wait there, also of a black box that is off by now."""
+def open_recordings(directory: Path) -> RecordingStore | None:
+    """The store of finished recordings, also of a black box that is off by now."""
     try:
-        return Shelf(directory / RECORDINGS_FOLDER)
+        return RecordingStore(directory / RECORDINGS_FOLDER)
     except DiskError as error:
         LOG.warning("no recording can be kept: %s", error)
         return None

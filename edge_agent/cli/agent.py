@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
-from edge_agent.cli_enrol import enrol_command
-from edge_agent.cli_status import status_command
+from edge_agent.cli.enrol import enrol_command
+from edge_agent.cli.status import status_command
 from metaros.errors import MetarosError
-from metaros.inert import InertFormatter, inert_lines
+from metaros.sanitize import SanitizingFormatter, sanitize_lines
 
 __all__ = ["register"]
 
@@ -56,11 +56,11 @@ def run_command(
     if context.invoked_subcommand is not None:
         return
     os.environ.setdefault("GRPC_VERBOSITY", "ERROR")  # it reports every lost connection; the uplink does that
-    from edge_agent.config import load_settings  # heavy, and the next one too: Zenoh, gRPC, numpy
+    from edge_agent.config.settings import load_settings  # heavy, and the next one too: Zenoh, gRPC, numpy
     from edge_agent.main import run
 
     handler = logging.StreamHandler()
-    handler.setFormatter(InertFormatter("%(asctime)s %(name)s %(levelname)s %(message)s"))
+    handler.setFormatter(SanitizingFormatter("%(asctime)s %(name)s %(levelname)s %(message)s"))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     overrides = {
         "name": name,
@@ -77,7 +77,7 @@ def run_command(
     try:
         run(load_settings(config, overrides))
     except MetarosError as error:
-        typer.echo(inert_lines(f"metaros agent: {error}"), err=True)
+        typer.echo(sanitize_lines(f"metaros agent: {error}"), err=True)
         raise typer.Exit(2) from error
 
 

@@ -36,7 +36,7 @@ def slot_command(
 
     Put it where `metaros agent` was: the arguments after its own options are the agent's.
     """
-    from edge_agent.boot import Loader, state_dir_of
+    from edge_agent.update.loader import Loader, state_dir_of
 
     arguments = tuple(context.args)
     named = {option: _value(arguments, option) for option in ("--name", "--state-dir", "--config")}

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from metaros.errors import MetarosError
-from metaros.inert import inert, inert_lines
+from metaros.sanitize import sanitize, sanitize_lines
 
 __all__ = ["enrol_command"]
 
@@ -25,10 +25,10 @@ def enrol_command(
     ] = None,
 ) -> None:
     """Make a key here, have the gateway sign a certificate for it, and keep both for `metaros agent`."""
-    from edge_agent.config import load_settings
+    from edge_agent.config.settings import load_settings
     from edge_agent.identity.enrol import enrol
-    from edge_agent.identity.pin import parse_token
-    from edge_agent.state_dir import default_state_dir
+    from edge_agent.identity.enrolment_token import parse_token
+    from edge_agent.state.state_dir import default_state_dir
 
     try:
         text = sys.stdin.readline(TOKEN_CHARS) if token == "-" else token
@@ -36,9 +36,9 @@ def enrol_command(
         directory = state_dir or default_state_dir(robot)
         identity = enrol(parse_token(text), url=gateway, robot_id=robot, state_dir=directory)
     except MetarosError as error:
-        typer.echo(inert_lines(f"metaros agent enrol: {error}"), err=True)
+        typer.echo(sanitize_lines(f"metaros agent enrol: {error}"), err=True)
         raise typer.Exit(2) from error
-    typer.echo(inert(f"enrolled {identity.robot} in fleet {identity.fleet}"))
+    typer.echo(sanitize(f"enrolled {identity.robot} in fleet {identity.fleet}"))
     more = f" --state-dir {state_dir}" if state_dir else ""
     typer.echo(f"start it: metaros agent --name {identity.robot}{more}")
     typer.echo("keep others on this machine from driving it: metaros router --zenoh-profile protected", err=True)

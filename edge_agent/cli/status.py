@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["ask", "rows_of", "status_command"]
 
@@ -38,7 +38,7 @@ def status_command(
 
     A running agent is asked; of one that does not run the state directory is read.
     """
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     asked = ask(zenoh_port, domain)
@@ -64,11 +64,11 @@ def status_command(
 
 def ask(zenoh_port: int, domain: int) -> list[Report]:
     """What the agents on this machine's router answer; none where there is no router."""
-    from metaros.cli.connection import look_with_session
+    from metaros.cli.shared.connection import open_graph_and_session
     from metaros.errors import UnavailableError
 
     try:
-        with look_with_session(zenoh_port, domain, spin_time=0.0) as (session, _):
+        with open_graph_and_session(zenoh_port, domain, spin_time=0.0) as (session, _):
             import zenoh
 
             replies = session.check_open().get(
@@ -127,7 +127,7 @@ def maybe(value: Any) -> int | None:
 
 def directories(name: str | None, state_dir: Path | None) -> list[Path]:
     """Where agents may have left something."""
-    from edge_agent.state_dir import default_state_dir
+    from edge_agent.state.state_dir import default_state_dir
 
     if state_dir is not None:
         return [state_dir]
@@ -139,8 +139,8 @@ def directories(name: str | None, state_dir: Path | None) -> list[Path]:
 
 def read(directory: Path) -> list[Report]:
     """The report of a directory with an outbox, if it is one. A held lock means that an agent runs out of our sight."""
-    from edge_agent.report import held_report
-    from metaros.file_lock import take_lock
+    from edge_agent.status.report import held_report
+    from metaros.concurrency.file_lock import take_lock
 
     if not (directory / "outbox").is_dir():
         return []
@@ -156,7 +156,7 @@ def read(directory: Path) -> list[Report]:
 
 def show(out: Output, report: Report) -> None:
     """One agent."""
-    from metaros.cli.output import human_bytes
+    from metaros.cli.shared.output import human_bytes
 
     out.line(f"{out.style(str(report['name']), '1;36')}  {headline(out, report)}")
     if not report["running"] and not held(report):
@@ -187,7 +187,7 @@ def show(out: Output, report: Report) -> None:
 
 
 def twin_line(twin: Report) -> str:
-    """What the robot lives by, in words."""
+    """The twin's state, in words."""
     if not twin.get("revision"):
         return "none: the robot's own settings"
     lives_by = f"revision {twin['applied']}" if twin["applied"] else "the robot's own settings"
@@ -200,7 +200,7 @@ def twin_line(twin: Report) -> str:
 
 def box_line(box: Report, running: bool) -> str:
     """The black box in words."""
-    from metaros.cli.output import human_bytes, human_seconds
+    from metaros.cli.shared.output import human_bytes, human_seconds
 
     if not box.get("size_bytes") or not box["to_ns"]:
         return "empty" if box.get("quota_bytes") else "off" if running else "empty"
@@ -232,7 +232,7 @@ def headline(out: Output, report: Report) -> str:
 
 def lines(classes: Iterable[Report]) -> list[tuple[str, ...]]:
     """A row for each class; a dash for nothing."""
-    from metaros.cli.output import human_bytes
+    from metaros.cli.shared.output import human_bytes
 
     rows = []
     for row in classes:
@@ -257,7 +257,7 @@ def lines(classes: Iterable[Report]) -> list[tuple[str, ...]]:
 
 def age(wall_ns: int | None) -> str:
     """How long ago that was."""
-    from metaros.cli.output import human_seconds
+    from metaros.cli.shared.output import human_seconds
     from metaros.clock import SystemClock
 
     if not wall_ns:

@@ -13,21 +13,21 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from typing import Any
 
 from edge_agent.blackbox.saver import Saver
-from edge_agent.command_log import CommandLog
-from edge_agent.durable import Answer, Durable
+from edge_agent.commands.durable import Answer, DurableCommands
+from edge_agent.commands.executed_ids import CommandLog
+from edge_agent.commands.stored_results import StoredResults
+from edge_agent.commands.teleop import Teleop
 from edge_agent.errors import BusyError, DuplicateError, ExpiredError, LeaseError, ScopeError, UnsupportedError
-from edge_agent.kept_results import KeptResults
-from edge_agent.scope import Scope
-from edge_agent.teleop import Teleop
-from edge_agent.uplink.session import CommandArrived
-from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.byte_budget_override import UplinkLimit
+from edge_agent.link.frames import CommandArrived
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 from metaros.node import Node
 
-__all__ = ["Action", "Commands"]
+__all__ = ["Action", "CommandDispatcher"]
 
 LOG = logging.getLogger("metaros.agent.commands")
 AT_ONCE = 16
@@ -35,7 +35,7 @@ LEASES = ("grant_lease", "release_lease", "grant_talk", "release_talk")
 Action = Callable[[link_pb2.Command, float], Awaitable[bytes]]  # command and seconds left; the result's payload
 
 
-class Commands:
+class CommandDispatcher:
     """Runs commands. Leases and actuators at once; the others wait until their ids are on disk, and keep their order.
 
     A service call, a limit that is to be kept, and a recording take their time in tasks of their own.
@@ -51,7 +51,7 @@ class Commands:
         log: CommandLog,
         limit: UplinkLimit,
         saver: Saver,
-        kept: KeptResults,
+        kept: StoredResults,
         actions: Mapping[str, Action] | None = None,
     ) -> None:
         """`actions` are further kinds of commands, by their names in `Command.action`."""
@@ -63,7 +63,7 @@ class Commands:
         self._saver = saver
         self._calls = 0
         self._tasks: set[asyncio.Task[None]] = set()
-        self.durable = Durable(kept, log, clock, run=self._run, spawn=self._spawn)
+        self.durable = DurableCommands(kept, log, clock, run=self._run, spawn=self._spawn)
 
         async def set_uplink(command: link_pb2.Command, remaining_s: float) -> bytes:
             await limit.set(command.set_uplink.bytes_per_s)

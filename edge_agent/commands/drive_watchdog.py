@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from edge_agent.config.topic_table import DEFAULT_ACTUATORS
 from metaros.clock import Clock
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
-__all__ = ["DEFAULT_ACTUATORS", "DriveGuard"]
-
-DEFAULT_ACTUATORS = ("**/cmd_vel",)
+__all__ = ["DriveGuard"]
 
 
 class DriveGuard:
@@ -54,7 +53,7 @@ class DriveGuard:
         return bool(lease_id) and lease_id == self._lease_id and self._clock.monotonic_s() < self._expires_s
 
     def accept(self, topic: str, lease_id: str, seq: int, age_s: float) -> str:
-        """Judge a drive command: "" = publish it, else why not: no_lease, stale, old."""
+        """Check a drive command: "" = publish it, else why not: no_lease, stale, old."""
         if not self.holds(lease_id):
             return "no_lease"
         if age_s > self.fresh_s:
@@ -72,7 +71,7 @@ class DriveGuard:
         self._driven[topic] = now_s
 
     def due(self) -> list[str]:
-        """Topics to stop now, each told once."""
+        """Topics to stop now, each reported once."""
         now_s = self._clock.monotonic_s()
         if self._lease_id and now_s >= self._expires_s:
             return self.lost()

@@ -9,29 +9,29 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any
 
-from edge_agent.command_log import CommandLog
+from edge_agent.commands.executed_ids import CommandLog
+from edge_agent.commands.stored_results import StoredResults, interrupted
 from edge_agent.errors import BusyError, DiskError, ExpiredError, UnsupportedError
-from edge_agent.kept_results import KeptResults, interrupted
-from edge_agent.uplink.desk import Tell, Told
-from edge_agent.uplink.session import CommandArrived
+from edge_agent.link.frames import CommandArrived, ControlFrame
+from edge_agent.link.handler import SendFrame
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["Answer", "Durable"]
+__all__ = ["Answer", "DurableCommands"]
 
 Answer = Callable[[link_pb2.CommandResult], None]
 _KINDS = ("publish", "call_service", "set_uplink", "save_recording", "node_verb", "read_log")
 
 
-class Durable:
-    """Lives on the event loop; a desk of the link, see uplink/desk.py."""
+class DurableCommands:
+    """Lives on the event loop; a `ControlHandler` of the link."""
 
     frames = frozenset({"result_stored"})
 
     def __init__(
         self,
-        kept: KeptResults,
+        kept: StoredResults,
         log: CommandLog,
         clock: Clock,
         *,
@@ -68,11 +68,11 @@ class Durable:
             self._under_way[command_id] = answer
             self._spawn(self._carry(event))
 
-    def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
+    def link_up(self, send: SendFrame, welcome: link_pb2.Welcome) -> None:
         """A new link: what is kept goes out again, and what runs answers there."""
 
         def answer(result: link_pb2.CommandResult) -> None:
-            tell(link_pb2.AgentFrame(result=result))
+            send(link_pb2.AgentFrame(result=result))
 
         for result in self._kept:
             answer(result)
@@ -82,9 +82,9 @@ class Durable:
     def link_down(self) -> None:
         """What runs goes on, and answers on the next link."""
 
-    def take(self, told: Told) -> None:
+    def take(self, received: ControlFrame) -> None:
         """The gateway has a result."""
-        command_id = told.frame.result_stored.command_id
+        command_id = received.frame.result_stored.command_id
         if self._kept.get(command_id) is not None:
             self._spawn(self._forget(command_id))
 
@@ -110,7 +110,7 @@ class Durable:
         command_id = event.command.command_id
         try:
             result = await self._outcome(event)
-        except BaseException:  # the agent ends: what was begun is told as interrupted by the next one
+        except BaseException:  # the agent ends: the next one reports what was begun as interrupted
             del self._under_way[command_id]
             raise
         self._under_way.pop(command_id)(result)

@@ -1,4 +1,4 @@
-"""Raw publishers for what comes from afar, made on first use and kept; the least recently used is closed."""
+"""Raw publishers for remote commands, made on first use and cached (LRU)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from edge_agent.outbox import Disk
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 
-__all__ = ["INTERRUPTED", "KeptResults", "interrupted"]
+__all__ = ["INTERRUPTED", "StoredResults", "interrupted"]
 
 LOG = logging.getLogger("metaros.agent.commands")
 INTERRUPTED = "interrupted"
@@ -28,7 +28,7 @@ _FILE_BYTES = LIMITS.result_bytes + 64 * 1024
 _TEXT_CHARS = 4096
 
 
-class KeptResults:
+class StoredResults:
     """The event loop owns it; what blocks runs on a thread."""
 
     def __init__(self, disk: Disk) -> None:

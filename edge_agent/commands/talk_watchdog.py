@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from edge_agent.drive_guard import DriveGuard
+from edge_agent.commands.drive_watchdog import DriveGuard
 from edge_agent.errors import PacketError, TalkOffError
 from metaros.clock import Clock
 from metaros.limits import LIMITS

@@ -8,12 +8,12 @@ from __future__ import annotations
 import asyncio
 import logging
 
-from edge_agent.drive_guard import DriveGuard
+from edge_agent.commands.drive_watchdog import DriveGuard
+from edge_agent.commands.publishers import Publishers, zero_message
+from edge_agent.commands.talk_watchdog import TalkGuard
 from edge_agent.errors import LeaseError, ScopeError, StaleError
-from edge_agent.publishers import Publishers, zero_message
-from edge_agent.scope import Scope
-from edge_agent.talk_guard import TalkGuard
-from edge_agent.uplink.session import TeleopArrived
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.frames import TeleopArrived
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 
@@ -23,7 +23,7 @@ LOG = logging.getLogger("metaros.agent.teleop")
 
 
 class Teleop:
-    """Every way from afar to an actuator passes here."""
+    """Every remote path to an actuator passes here."""
 
     def __init__(self, guard: DriveGuard, talk: TalkGuard, publishers: Publishers, scope: Scope) -> None:
         self._guard = guard
@@ -73,8 +73,8 @@ class Teleop:
             kind = "talk" if guard is self._talk else "teleop"
             raise LeaseError(f"{name} is an actuator: take the {kind} lease first")
         if age_s is None or age_s > guard.fresh_s:
-            told = "of unknown age" if age_s is None else f"{age_s:.3f} s old"
-            raise StaleError(f"{name} is an actuator, and this is {told}: at most {guard.fresh_s:g} s may be")
+            age = "of unknown age" if age_s is None else f"{age_s:.3f} s old"
+            raise StaleError(f"{name} is an actuator, and this is {age}: at most {guard.fresh_s:g} s may be")
 
     def publish(self, message: link_pb2.PublishMessage, lease_id: str, *, age_s: float | None = None) -> None:
         """Publish a command's message; on an actuator only under the lease, and while it is fresh.

@@ -1,4 +1,4 @@
-"""Where a gateway is: one text of the settings is one gateway."""
+"""Where a gateway is, one text of the settings, and how it is talked to."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from urllib.parse import urlsplit
 
 from metaros.errors import ConfigError
 
-__all__ = ["GatewayAddress", "TransportName", "TransportSetting", "parse_address"]
+__all__ = ["Compression", "GatewayAddress", "TransportName", "TransportSetting", "parse_address"]
 
+Compression = Literal["none", "zstd"]
 TransportName = Literal["grpc", "websocket"]
 TransportSetting = Literal["auto", "grpc", "websocket"]
 

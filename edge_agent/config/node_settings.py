@@ -1,7 +1,7 @@
 """The robot's own word on what may run on it: `[[allowed]]` and `[nodes]` in the agent's settings.
 
 A signed bundle may always run. Everything else has to be in the robot's own list, by name, or is a free command,
-which is off unless the robot's settings turn it on. Nothing from afar changes these settings.
+which is off unless the robot's settings turn it on. Nothing remote changes these settings.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Allowed:
     command: tuple[str, ...] = ()
     module: str = ""
     class_: str = ""
-    driver: str = ""  # a kind of metaros.drivers: what it marks as local never comes from afar
+    driver: str = ""  # a kind of metaros.drivers: what it marks as local is never set remotely
     fixed: Mapping[str, Any] = field(default_factory=dict)  # a driver's parameters that this robot sets itself
-    args: bool = False  # whether arguments may be added from afar: of some programs they are programs, too
+    args: bool = False  # whether arguments may be added remotely: of some programs they are programs, too
     parameters: bool = True  # whether ROS parameters may
     env: Mapping[str, str] = field(default_factory=dict)
     cwd: str = ""
@@ -144,7 +144,7 @@ def _entry(row: Mapping[str, Any], where: str) -> Allowed:
     program = _program(given[0], row[given[0]], where)
     for key in ("args", "parameters"):
         if not isinstance(row.get(key, False), bool):
-            raise ConfigError(f"{where}: {key}: true or false: whether they may come from afar")
+            raise ConfigError(f"{where}: {key}: true or false: whether they may be set remotely")
     if row.get("args") and given[0] == "driver":
         raise ConfigError(f"{where}: args: a driver takes none: they could name what it opens")
     env, cwd = row.get("env", {}), row.get("cwd", "")

@@ -10,13 +10,11 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from edge_agent.blackbox.settings import BlackBoxSettings, black_box_settings
-from edge_agent.drive_guard import DEFAULT_ACTUATORS
-from edge_agent.nodes.allowed import NodeSettings, allowed_entries, node_settings
+from edge_agent.config.black_box import BlackBoxSettings, black_box_settings
+from edge_agent.config.gateway_address import Compression, GatewayAddress, TransportSetting, parse_address
+from edge_agent.config.node_settings import NodeSettings, allowed_entries, node_settings
+from edge_agent.config.topic_table import DEFAULT_ACTUATORS, DEFAULT_TOPICS, Delivery, Seal, TopicRule
 from edge_agent.outbox import CLASSES, ClassPolicy
-from edge_agent.topics import DEFAULT_TOPICS, Delivery, Seal, TopicRule
-from edge_agent.uplink.address import GatewayAddress, TransportSetting, parse_address
-from edge_agent.uplink.lane import Compression
 from metaros.errors import ConfigError, MetarosError
 from metaros.idl.globs import Glob
 from metaros.idl.names import validate_namespace
@@ -63,20 +61,20 @@ class OutboxSettings:
 
     def classes(self) -> dict[str, ClassPolicy]:
         """The outbox's class table with these quotas and times."""
-        told = {
+        policies = {
             "event": (self.event_bytes, self.event_sync_ms),
             "metric": (self.metric_bytes, self.metric_sync_ms),
             "bulk": (self.bulk_bytes, self.bulk_sync_ms),
         }
         return {
-            name: replace(policy, quota_bytes=told[name][0], sync_s=told[name][1] / 1000)
+            name: replace(policy, quota_bytes=policies[name][0], sync_s=policies[name][1] / 1000)
             for name, policy in CLASSES.items()
         }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Everything an agent can be told. `name` is the robot's id at the gateway."""
+    """All settings of an agent. `name` is the robot's id at the gateway."""
 
     name: str = ""  # "" = the host's name
     namespace: str = "/"

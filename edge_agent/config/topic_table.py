@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from metaros.idl.globs import Glob
 
-__all__ = ["DEFAULT_TOPICS", "Delivery", "Seal", "TopicRule", "TopicTable", "series_name"]
+__all__ = ["DEFAULT_ACTUATORS", "DEFAULT_TOPICS", "Delivery", "Seal", "TopicRule", "TopicTable", "series_name"]
 
 Delivery = Literal["auto", "event", "bulk", "live"]
 Seal = Literal["clear", "sealed", "features"]
+
+DEFAULT_ACTUATORS: Final = ("**/cmd_vel",)  # topics that move the robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from edge_agent.select import MetricExtractor, SampleDeadband, Selector
-from edge_agent.topics import Delivery, TopicRule
-from edge_agent.video.line import VideoLine
-from edge_agent.video.select import VideoSelector
+from edge_agent.config.topic_table import Delivery, TopicRule
+from edge_agent.forwarding.filters import MetricExtractor, SampleDeadband, Selector
+from edge_agent.forwarding.video_queue import VideoQueue
+from edge_agent.forwarding.video_selector import VideoSelector
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue
+from metaros.link.video_frames import VIDEO_TYPES
 from metaros.seal.envelope import SEALED_CDR
-from metaros.video_frames import VIDEO_TYPES
 
 __all__ = ["CLASS_NUMBERS", "Channel"]
 
@@ -51,12 +51,12 @@ class Channel:
     keeps_all: bool = False  # a publisher is reliable and keeps all
     catalogue: Catalogue | None = None  # what reads its type's fields; None: unknown
     selector: Selector = field(init=False)
-    video: VideoLine | None = field(init=False, default=None)  # of a video topic: what waits of it
+    video: VideoQueue | None = field(init=False, default=None)  # of a video topic: what waits of it
     _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
 
     def __post_init__(self) -> None:
         if self.type_name in VIDEO_TYPES:
-            self.video = VideoLine()
+            self.video = VideoQueue()
         self.use(self.rule, self.max_rate_hz)
 
     def use(self, rule: TopicRule, max_rate_hz: float) -> None:

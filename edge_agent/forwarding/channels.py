@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from edge_agent.channel import CLASS_NUMBERS, Channel
+from edge_agent.config.topic_table import Delivery, TopicRule, TopicTable, series_name
+from edge_agent.forwarding.channel import CLASS_NUMBERS, Channel
+from edge_agent.forwarding.filters import MetricExtractor, SampleDeadband
 from edge_agent.outbox import ChannelId, IdLog, SeriesId
-from edge_agent.select import MetricExtractor, SampleDeadband
-from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
 from metaros._proto import link_pb2
 from metaros.cdr import field_reader
 from metaros.errors import FieldError, UsageError
@@ -44,7 +44,7 @@ class Channels:
         for known in list(ids.channels.values()):
             self._recall(known)
         for series in ids.series.values():
-            self._series.append((self.revision + 1, link_pb2.Series(series_id=series.series, **told(series))))
+            self._series.append((self.revision + 1, link_pb2.Series(series_id=series.series, **series_texts(series))))
         self.revision += 1
 
     def __iter__(self) -> Iterator[Channel]:
@@ -312,7 +312,7 @@ def as_delivery(text: str) -> Delivery:
     return next((known for known in CLASS_NUMBERS if known == text), "bulk")
 
 
-def told(series: SeriesId) -> dict[str, str]:
+def series_texts(series: SeriesId) -> dict[str, str]:
     """A series' texts."""
     return {"name": series.name, "topic": series.topic, "field": series.field}
 

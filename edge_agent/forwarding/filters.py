@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from edge_agent.topics import Delivery, TopicRule
+from edge_agent.config.topic_table import Delivery, TopicRule
 from metaros.errors import DecodeError
 
 __all__ = ["Deadband", "MetricExtractor", "RateLimiter", "SampleDeadband", "Selector"]

@@ -10,7 +10,7 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any
 
-from edge_agent.channels import Channel
+from edge_agent.forwarding.channels import Channel
 from metaros.clock import Clock
 from metaros.drivers.host_metrics.reader import HOST_TOPICS, HostReader, read_all
 from metaros.idl import message_class

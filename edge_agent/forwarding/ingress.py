@@ -13,8 +13,8 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from edge_agent.channels import Channel
-from edge_agent.pipeline import Arrival
+from edge_agent.forwarding.channels import Channel
+from edge_agent.forwarding.pipeline import Arrival
 from metaros.clock import Clock
 from metaros.errors import AttachmentError
 from metaros.limits import LIMITS

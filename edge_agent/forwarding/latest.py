@@ -9,9 +9,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from edge_agent.channels import Channel
+from edge_agent.forwarding.channels import Channel
 from edge_agent.outbox import CLASSES, Outbox
-from metaros.video_frames import Frame, frame_of
+from metaros.link.video_frames import Frame, frame_of
 
 __all__ = ["LatestOnly"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from edge_agent.live import LiveSample
+from edge_agent.forwarding.live_queue import LiveSample
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
 from metaros.link import pack_batch, split_sample

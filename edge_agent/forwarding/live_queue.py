@@ -10,10 +10,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from edge_agent.channels import Channel
-from edge_agent.video.line import VideoLine
+from edge_agent.forwarding.channels import Channel
+from edge_agent.forwarding.video_queue import VideoQueue
 from metaros.limits import LIMITS
-from metaros.video_frames import Frame, frame_of
+from metaros.link.video_frames import Frame, frame_of
 
 __all__ = ["LiveQueue", "LiveSample"]
 
@@ -62,9 +62,9 @@ class LiveQueue:
         self._queue.append(_Waiting(channel, LiveSample(channel.live_seq, stamp_ns, payload), size, key))
         self.size_bytes += size
         if channel.video is not None:
-            channel.video.joined(stamp_ns)
+            channel.video.pushed(stamp_ns)
             if channel.video.too_long:
-                self._cut(channel, channel.video)
+                self._drop_to_key_frame(channel, channel.video)
         while self.size_bytes > self.max_bytes:
             self._drop_oldest()
 
@@ -77,7 +77,7 @@ class LiveQueue:
             runs.setdefault(channel.channel_id, []).append(sample)
             taken += size
             if channel.video is not None:
-                channel.video.left(size)
+                channel.video.popped(size)
         self.size_bytes -= taken
         return runs
 
@@ -87,18 +87,18 @@ class LiveQueue:
             waiting = self._queue.popleft()
             self._count_dropped(waiting.channel)
             if waiting.channel.video is not None:
-                waiting.channel.video.left(0)
+                waiting.channel.video.popped(0)
         self.size_bytes = 0
 
     def _drop_oldest(self) -> None:
         channel = self._queue[0].channel
         if channel.video is not None:
-            self._cut(channel, channel.video)
+            self._drop_to_key_frame(channel, channel.video)
             return
         self.size_bytes -= self._queue.popleft().size_bytes
         self._count_dropped(channel)
 
-    def _cut(self, channel: Channel, line: VideoLine) -> None:
+    def _drop_to_key_frame(self, channel: Channel, line: VideoQueue) -> None:
         """Drop a video channel's oldest frame and all up to its newest key frame after that; without one, all."""
         mine = [waiting for waiting in self._queue if waiting.channel is channel]
         keys = [position for position, waiting in enumerate(mine) if position and waiting.key]
@@ -108,7 +108,7 @@ class LiveQueue:
         for waiting in gone:
             self.size_bytes -= waiting.size_bytes
             self._count_dropped(channel)
-        line.cut(len(gone))
+        line.dropped(len(gone))
 
     def _count_dropped(self, channel: Channel) -> None:
         channel.dropped += 1

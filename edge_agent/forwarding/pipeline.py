@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple, SupportsBytes
 
-from edge_agent.batch import Linger
-from edge_agent.channels import METRIC_STREAM, Channel
-from edge_agent.latest import LatestOnly
-from edge_agent.live import LiveQueue
+from edge_agent.forwarding.channels import METRIC_STREAM, Channel
+from edge_agent.forwarding.latest import LatestOnly
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.sample_trace import Tracer
+from edge_agent.forwarding.video_selector import VideoSelector
 from edge_agent.outbox import Outbox
-from edge_agent.sample_trace import Tracer
-from edge_agent.video.select import VideoSelector
 from metaros.errors import DecodeError
 from metaros.limits import LIMITS, Limits
 from metaros.seal.envelope import OVERHEAD_BYTES

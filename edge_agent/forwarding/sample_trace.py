@@ -1,4 +1,4 @@
-"""One sample in many is followed: when it was tapped, taken, on disk and sent goes along with it, as `SampleTrace`.
+"""Sampled tracing: one sample in many carries the times when it was tapped, taken, stored and sent (`SampleTrace`).
 
 The others cost a decrement each. A chosen sample is known again by its stream and stamp, so that outbox and queues
 carry nothing more; of a stream one at a time is followed. Everything here is on the event loop.

@@ -19,9 +19,8 @@ from metaros.link import CHANNEL_MASK
 from metaros.seal import Keyring, Origin, Sealer
 
 if TYPE_CHECKING:
-    from edge_agent.blackbox.source import Source
-    from edge_agent.channels import Channel
-    from edge_agent.config import Settings
+    from edge_agent.config.settings import Settings
+    from edge_agent.forwarding.channels import Channel
     from edge_agent.outbox.pending import Seal
 
 __all__ = ["BLACK_BOX_STREAM", "KEYRING_NAME", "Sealing", "open_sealing"]
@@ -70,12 +69,12 @@ class Sealing:
 
         return send
 
-    def recorded(self, source: Source, sequence: int, payload: bytes) -> bytes:
+    def recorded(self, channel: Channel, gid: bytes, sequence: int, payload: bytes) -> bytes:
         """For the black box: what is kept of a publisher's payload; its epoch stands for the publisher."""
-        if not source.channel.sealed:
+        if not channel.sealed:
             return payload
-        publisher = int.from_bytes(hashlib.sha256(source.publisher.gid).digest()[:8], "big")
-        return self._seal(source.channel, payload, BLACK_BOX_STREAM, publisher, sequence & (1 << 64) - 1)
+        publisher = int.from_bytes(hashlib.sha256(gid).digest()[:8], "big")
+        return self._seal(channel, payload, BLACK_BOX_STREAM, publisher, sequence & (1 << 64) - 1)
 
     def _refuse(self, stream: int) -> None:
         if not self.refused:  # once: the count, and the gaps that the outbox declares, say the rest

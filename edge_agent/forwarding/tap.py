@@ -8,11 +8,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from edge_agent.channels import Channel, Channels
-from edge_agent.ingress import Ingress
-from edge_agent.learn import Learner
-from edge_agent.pipeline import Arrival
-from edge_agent.scope import ROSOUT, Scope
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.ingress import Ingress
+from edge_agent.forwarding.pipeline import Arrival
+from edge_agent.forwarding.scope import ROSOUT, Scope
+from edge_agent.forwarding.type_discovery import TypeDiscovery
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue
@@ -49,7 +49,7 @@ class Tap:
         *,
         record: Callable[[list[Arrival]], None] | None = None,
     ) -> None:
-        """`record` is told of every sample, on the draining thread, before any selection."""
+        """`record` is called with every sample, on the draining thread, before any selection."""
         self._node = node
         self._channels = channels
         self._scope = scope
@@ -62,7 +62,7 @@ class Tap:
         self._rosout_senders: dict[bytes, bool] = {}
         self._due: asyncio.TimerHandle | None = None
         self._closed = False
-        self._learner = Learner(node, self._learned)
+        self._learner = TypeDiscovery(node, self._learned)
         self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock, record=record)
         node.graph.on_change(self._on_change)
         self.reconcile()
@@ -118,7 +118,7 @@ class Tap:
         self.ingress.close()
 
     def _learned(self, channel: Channel, catalogue: Catalogue) -> None:
-        """A node told its type: announce the channel anew."""
+        """A node answered with its type: announce the channel anew."""
         self._channels.learn(channel, catalogue)
         self._changed()
 

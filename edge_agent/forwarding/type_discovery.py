@@ -6,21 +6,21 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 
-from edge_agent.channels import Channel
+from edge_agent.forwarding.channels import Channel
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue
 from metaros.node import Node
 from metaros.node.introspection import fetch_type_async
 from metaros.wire import EndpointInfo
 
-__all__ = ["Learner"]
+__all__ = ["TypeDiscovery"]
 
 LOG = logging.getLogger("metaros.agent.learn")
 PAUSES_S = (0.0, 5.0, 30.0)  # before each try: a node that has just started may not answer yet
 AT_ONCE = 8
 
 
-class Learner:
+class TypeDiscovery:
     """One conversation a type and set of publishers; on the event loop. `learned` gets what came of it."""
 
     def __init__(self, node: Node, learned: Callable[[Channel, Catalogue], None]) -> None:

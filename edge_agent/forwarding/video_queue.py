@@ -1,18 +1,18 @@
-"""What waits of one live video channel for the link, and whether what comes next can be decoded after it. Pure."""
+"""The frames of one live video channel that wait for the link, and whether the next can be decoded after them. Pure."""
 
 from __future__ import annotations
 
 from collections import deque
 
 from metaros.limits import LIMITS
-from metaros.video_frames import Frame
+from metaros.link.video_frames import Frame
 
-__all__ = ["VideoLine"]
+__all__ = ["VideoQueue"]
 
 BEHIND_S = 0.4  # of video that waits: the link carries less than comes
 
 
-class VideoLine:
+class VideoQueue:
     """One channel's share of the live queue; the event loop owns it. Time is that of the samples' own stamps."""
 
     __slots__ = ("_cuts", "_stamps", "closed", "key_wanted", "sent_bytes")
@@ -42,16 +42,16 @@ class VideoLine:
         self.closed = False
         return True
 
-    def joined(self, stamp_ns: int) -> None:
+    def pushed(self, stamp_ns: int) -> None:
         """A frame waits."""
         self._stamps.append(stamp_ns)
 
-    def left(self, size_bytes: int) -> None:
+    def popped(self, size_bytes: int) -> None:
         """The oldest was taken for the link."""
         self._stamps.popleft()
         self.sent_bytes += size_bytes
 
-    def cut(self, count: int) -> None:
+    def dropped(self, count: int) -> None:
         """So many of the oldest were dropped."""
         self._cuts += 1
         for _ in range(count):
@@ -59,7 +59,7 @@ class VideoLine:
         if not self._stamps:
             self.closed = self.key_wanted = True
 
-    def behind(self) -> bool:
+    def is_behind(self) -> bool:
         """Whether the link did not keep up since this was asked last."""
         cuts, self._cuts = self._cuts, 0
         return cuts > 0 or self.waiting_s > BEHIND_S

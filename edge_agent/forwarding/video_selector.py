@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from typing import SupportsBytes
 
-from edge_agent.select import Selector
-from edge_agent.topics import Delivery, TopicRule
-from edge_agent.video.line import VideoLine
-from metaros.video_frames import KEYS_ONLY_HZ, Frame, GroupGate, frame_of
+from edge_agent.config.topic_table import Delivery, TopicRule
+from edge_agent.forwarding.filters import Selector
+from edge_agent.forwarding.video_queue import VideoQueue
+from metaros.link.video_frames import KEYS_ONLY_HZ, Frame, GroupGate, frame_of
 
 __all__ = ["VideoSelector"]
 
@@ -20,7 +20,7 @@ class VideoSelector(Selector):
     __slots__ = ("_gate", "_line", "_publisher", "_type_name")
 
     def __init__(
-        self, type_name: str, line: VideoLine, rule: TopicRule, delivery: Delivery, *, max_rate_hz: float
+        self, type_name: str, line: VideoQueue, rule: TopicRule, delivery: Delivery, *, max_rate_hz: float
     ) -> None:
         super().__init__(rule, delivery, max_rate_hz=max_rate_hz)
         self._type_name = type_name

@@ -1,4 +1,4 @@
-"""What an enrolled robot shows on its link: certificates, proofs, and whom it trusts in return.
+"""The credentials of an enrolled robot on its link: certificates, proofs, and trusted roots.
 
 One object lives as long as the agent; a renewal puts another identity in, which the next connection uses.
 """
@@ -9,10 +9,10 @@ import ssl
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from edge_agent.config.gateway_address import GatewayAddress, TransportSetting, parse_address
 from edge_agent.errors import InsecureGatewayError, UnprovenError
-from edge_agent.identity.door import is_loopback, verified
 from edge_agent.identity.files import RobotIdentity
-from edge_agent.uplink.address import GatewayAddress, TransportSetting, parse_address
+from edge_agent.identity.gateway_http import is_loopback, verified
 from metaros._proto import link_pb2
 from metaros.link.proof import NONCE_BYTES, link_statement, sign
 

@@ -1,4 +1,4 @@
-"""Enrolment and renewal: a key and a request go to the gateway's door, a certificate comes back and is kept.
+"""Enrolment and renewal: a key and a CSR go to the gateway's HTTP API, a certificate comes back and is kept.
 
 Both may be broken off anywhere and made again: the key that was sent waits on disk, and the gateway answers the same
 key with the same certificate.
@@ -16,10 +16,10 @@ from typing import Any
 from edge_agent.errors import EnrolAnswerError, EnrolRefusedError, PinError, UntrustedError
 from edge_agent.identity.certificate import check_issued, vouched_roots
 from edge_agent.identity.csr import csr_der, csr_pem, make_csr
-from edge_agent.identity.door import GatewayDoor, check_url, unverified, verified
+from edge_agent.identity.enrolment_token import Token, pinned_roots
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
+from edge_agent.identity.gateway_http import GatewayHttpClient, check_url, unverified, verified
 from edge_agent.identity.key import PrivateKey, key_to_pem
-from edge_agent.identity.pin import Token, pinned_roots
 from metaros.link.proof import renew_statement, sign
 
 __all__ = ["enrol", "renew"]
@@ -42,7 +42,7 @@ def enrol(token: Token, *, url: str, robot_id: str, state_dir: Path) -> RobotIde
     url, files = check_url(url), IdentityFiles(state_dir)
     if (held := files.brought_by(token.text)) is not None and held.robot == robot_id:
         return held
-    shown = GatewayDoor(url, unverified()).get("/enrol/roots")
+    shown = GatewayHttpClient(url, unverified()).get("/enrol/roots")
     fleet = _text(shown, "fleet")
     roots = pinned_roots(_text(shown, "roots", empty=True).encode(), token.pin).decode()  # none: it gave no token yet
     key = files.pending_key(f"token {token.id} {robot_id}")
@@ -50,7 +50,7 @@ def enrol(token: Token, *, url: str, robot_id: str, state_dir: Path) -> RobotIde
     body = {"token": token.text, "robot": robot_id, "csr": request}
     try:
         try:
-            answer, system_trust = GatewayDoor(url, verified(roots)).post("/enrol", body), False
+            answer, system_trust = GatewayHttpClient(url, verified(roots)).post("/enrol", body), False
         except UntrustedError as error:
             answer, system_trust = _by_system(url, roots, body, error), True
     except EnrolRefusedError as error:
@@ -64,8 +64,8 @@ def enrol(token: Token, *, url: str, robot_id: str, state_dir: Path) -> RobotIde
 
 def renew(identity: RobotIdentity, state_dir: Path) -> RobotIdentity:
     """The next certificate, with a new key, on the word of the present one. Blocks; raises as `enrol` does."""
-    door = GatewayDoor(identity.url, verified(identity.roots, system=identity.system_trust))
-    asked = door.post("/enrol/challenge", {"robot": identity.robot})
+    client = GatewayHttpClient(identity.url, verified(identity.roots, system=identity.system_trust))
+    asked = client.post("/enrol/challenge", {"robot": identity.robot})
     if asked.get("audience", identity.fleet) != identity.fleet:
         raise PinError(f"the gateway is of the fleet {asked.get('audience')!r}, this robot of {identity.fleet!r}")
     files = IdentityFiles(state_dir)
@@ -87,7 +87,7 @@ def renew(identity: RobotIdentity, state_dir: Path) -> RobotIdentity:
         "csr": csr_pem(request),
         "proof": base64.urlsafe_b64encode(sign(identity.private_key(), statement)).rstrip(b"=").decode(),
     }
-    answer = door.post("/enrol/renew", body)
+    answer = client.post("/enrol/renew", body)
     fresh = _identity(
         answer,
         key,
@@ -104,7 +104,7 @@ def renew(identity: RobotIdentity, state_dir: Path) -> RobotIdentity:
 def _by_system(url: str, roots: str, body: dict[str, Any], first: UntrustedError) -> dict[str, Any]:
     """A proxy with a certificate of its own stands before the gateway."""
     try:
-        return GatewayDoor(url, verified(roots, system=True)).post("/enrol", body)
+        return GatewayHttpClient(url, verified(roots, system=True)).post("/enrol", body)
     except UntrustedError:
         raise UntrustedError(f"{first}; neither the fleet's root nor this system's authorities vouch for it") from None
 

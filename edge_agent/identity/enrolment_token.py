@@ -1,7 +1,7 @@
 """The enrolment token, and the pin in it: by which the robot knows the fleet's root before it trusts anything.
 
 A token is `mr1.<id>.<secret>.<pin>`. The pin is the SHA-256 of the root's SubjectPublicKeyInfo; whoever gave the token
-to the robot has thereby told it which gateway is the right one.
+to the robot has thereby named the right gateway.
 """
 
 from __future__ import annotations

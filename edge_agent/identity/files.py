@@ -33,8 +33,8 @@ class RobotIdentity:
 
     robot: str
     fleet: str
-    url: str  # of the gateway's HTTP door, where the certificate is renewed
-    system_trust: bool  # whether that door's TLS is vouched for by this system's authorities, not by the fleet's root
+    url: str  # of the gateway's HTTP API, where the certificate is renewed
+    system_trust: bool  # whether its TLS is vouched for by this system's authorities, not by the fleet's root
     grpc_port: int  # the link over gRPC, on the same host; 0 = none
     grpc_tls: bool
     certificate: str

@@ -1,4 +1,4 @@
-"""The gateway's HTTP door, as enrolment and renewal use it: small JSON questions, over TLS that is checked.
+"""The gateway's HTTP API as enrolment and renewal use it: small JSON requests over verified TLS.
 
 Trust is one of two. The fleet's root is the only authority where the gateway ends TLS itself; where a proxy ends it
 with a certificate of its own, this system's authorities may vouch for that, too. On this machine it may go without TLS.
@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from edge_agent.errors import EnrolAnswerError, EnrolError, EnrolRefusedError, InsecureGatewayError, UntrustedError
 from metaros.errors import ConfigError
 
-__all__ = ["GatewayDoor", "check_url", "is_loopback", "unverified", "verified"]
+__all__ = ["GatewayHttpClient", "check_url", "is_loopback", "unverified", "verified"]
 
 ANSWER_BYTES = 64 * 1024
 TIMEOUT_S = 30.0
@@ -73,8 +73,8 @@ def verified(roots_pem: str, *, system: bool = False) -> ssl.SSLContext:
     return context
 
 
-class GatewayDoor:
-    """Questions to one gateway. `tls` is used for https."""
+class GatewayHttpClient:
+    """HTTP client for one gateway. `tls` is used for https."""
 
     def __init__(self, url: str, tls: ssl.SSLContext) -> None:
         self._url = check_url(url)

@@ -1,4 +1,4 @@
-"""When to ask for the next certificate: a pure rule of the certificate's times, the wall clock and what failed.
+"""When to renew the certificate: a pure schedule over its validity, the wall clock and past failures.
 
 Two thirds of its life after it began, give or take a twentieth of it, so that a fleet enrolled in one hour does not
 renew in one hour. An attempt that failed is made again, ever more slowly. A robot that was off for too long goes on

@@ -1,4 +1,4 @@
-"""The agent's task that keeps the certificate fresh: looks at the rule, asks the gateway, puts the new identity in."""
+"""The background task that renews the certificate before it expires, and stores the new identity."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from edge_agent.identity.enrol import renew
 from edge_agent.identity.renewal import Renewal
 from metaros.clock import Clock
 
-__all__ = ["Renewing"]
+__all__ = ["RenewalTask"]
 
 LOG = logging.getLogger("metaros.agent.identity")
 # Asking again brings nothing but a new token does.
 HOPELESS = frozenset({"certificate_revoked", "clone_detected", "certificate_foreign"})
 
 
-class Renewing:
+class RenewalTask:
     """Renews `credentials` in place, and on the disk."""
 
     def __init__(self, credentials: Credentials, state_dir: Path, clock: Clock, rng: random.Random) -> None:

@@ -6,8 +6,8 @@ import asyncio
 import json
 
 from edge_agent.errors import TwinRulesError
+from edge_agent.link.budget import Budget
 from edge_agent.outbox import Disk
-from edge_agent.uplink.budget import Budget
 from metaros.clock import Clock
 from metaros.errors import UsageError
 from metaros.limits import LIMITS
@@ -22,8 +22,8 @@ def stored_limit(disk: Disk) -> int:
     """The budget that was kept, in bytes a second; 0, no limit, where there is none. Raises DiskError."""
     size = min(disk.size(_NAME), _MAX_BYTES)
     try:
-        told = json.loads(disk.read(_NAME, 0, size))["bytes_per_s"] if size else 0
-        return max(0, int(told))
+        stored = json.loads(disk.read(_NAME, 0, size))["bytes_per_s"] if size else 0
+        return max(0, int(stored))
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return 0
 

@@ -1,4 +1,4 @@
-"""The agent's connection to its supervisor: opened when needed, made again when it broke, told of every change."""
+"""The agent's connection to its supervisor: opened when needed, reopened when it breaks, notified of every change."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from edge_agent.nodes.launcher import Launcher
 from metaros.errors import ConfigError, MetarosError, UnavailableError
 from metaros.supervise.client import SupervisorClient
 
-__all__ = ["SupervisorLine"]
+__all__ = ["SupervisorConnection"]
 
 LOG = logging.getLogger("metaros.agent.nodes")
 START_S: Final = 60.0  # a cold start of Python on a small, busy robot
@@ -21,7 +21,7 @@ WATCH_S: Final = 20.0
 PAUSE_S: Final = (0.2, 10.0)
 
 
-class SupervisorLine:
+class SupervisorConnection:
     """Follows the supervisor as long as `run` runs; `on_list` gets each new list, None where none runs."""
 
     def __init__(self, directory: Path, launcher: Launcher, on_list: Callable[[dict[str, Any] | None], None]) -> None:

@@ -8,25 +8,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from edge_agent.nodes.allowed import Allowed, NodeSettings
+from edge_agent.config.node_settings import Allowed, NodeSettings
 from edge_agent.nodes.bundles import Bundle
 from edge_agent.nodes.container import check_container, run_argv, take_away_argv
 from edge_agent.nodes.errors import NodeRefusedError
 from metaros.drivers.registry import manifest_of
 from metaros.drivers.values import read_values
 from metaros.errors import ConfigError
-from metaros.supervise.policy import Restart
-from metaros.supervise.table_file import Row
-from metaros.twin.document import NodeWanted
+from metaros.fleet.twin.document import NodeSpec
+from metaros.supervise.node_table_file import Row
+from metaros.supervise.restart_policy import Restart
 
-__all__ = ["Place", "as_json", "check_allowed", "row_of"]
+__all__ = ["LaunchContext", "as_json", "check_allowed", "launch_row"]
 
-CHILD: Final = ("-m", "metaros.cli.launch_child")
+CHILD: Final = ("-m", "metaros.cli.launch.child")
 HEARTBEAT_S: Final = 2.0
 
 
-class Place:
-    """Where this robot's nodes live: what they need to find its router and its names."""
+class LaunchContext:
+    """What a node needs to join this robot's graph: router, domain, namespace."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Place:
         }
 
 
-def check_allowed(node: NodeWanted, settings: NodeSettings) -> None:
+def check_allowed(node: NodeSpec, settings: NodeSettings) -> None:
     """Raise NodeRefusedError where this robot's settings do not let it run."""
     if node.command and not settings.free_commands:
         raise NodeRefusedError(
@@ -63,14 +63,18 @@ def check_allowed(node: NodeWanted, settings: NodeSettings) -> None:
         there = ", ".join(sorted(settings.allowed)) or "nothing"
         raise NodeRefusedError(f"{node.name}: {node.allowed!r} is not in this robot's [[allowed]]; there is: {there}")
     if node.args and not entry.args:
-        raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no arguments from afar")
+        raise NodeRefusedError(
+            f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no arguments from the gateway"
+        )
     if node.parameters and not entry.parameters:
-        raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no parameters from afar")
+        raise NodeRefusedError(
+            f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no parameters from the gateway"
+        )
     if entry.driver:
         _check_driver(node, entry)
 
 
-def _check_driver(node: NodeWanted, entry: Allowed) -> None:
+def _check_driver(node: NodeSpec, entry: Allowed) -> None:
     """What a driver opens, and what it may move, is this robot's own word: see Manifest."""
     manifest = manifest_of(entry.driver)
     try:
@@ -84,7 +88,7 @@ def _check_driver(node: NodeWanted, entry: Allowed) -> None:
             )
 
 
-def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundle | None = None) -> Row:
+def launch_row(node: NodeSpec, settings: NodeSettings, place: LaunchContext, bundle: Bundle | None = None) -> Row:
     """The row; `bundle` is the one that it names. Raises NodeRefusedError."""
     check_allowed(node, settings)
     argv, env, cwd, ours, named = _program(node, settings, place, bundle)
@@ -114,7 +118,7 @@ def as_json(row: Row) -> dict[str, Any]:
     return asdict(row)
 
 
-def _safe_stop(settings: NodeSettings, place: Place) -> Iterator[str]:
+def _safe_stop(settings: NodeSettings, place: LaunchContext) -> Iterator[str]:
     """The program that brings this robot to rest, as its settings say; nothing where they say nothing."""
     if not (settings.safe_stop or settings.safe_stop_service or settings.safe_stop_publish):
         return
@@ -131,7 +135,7 @@ def _safe_stop(settings: NodeSettings, place: Place) -> Iterator[str]:
 Program = tuple[tuple[str, ...], Mapping[str, str], str, bool, bool]
 
 
-def _program(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundle | None) -> Program:
+def _program(node: NodeSpec, settings: NodeSettings, place: LaunchContext, bundle: Bundle | None) -> Program:
     """argv, environment, directory, whether it dies with the supervisor by itself, whether it takes our name."""
     if node.command:
         return node.command, {}, "", False, False
@@ -152,7 +156,7 @@ def _program(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bun
     return (place.python, *CHILD, *what), entry.env, entry.cwd, True, True
 
 
-def _ros_args(node: NodeWanted, place: Place, parameters: Mapping[str, Any], *, named: bool) -> Iterator[str]:
+def _ros_args(node: NodeSpec, place: LaunchContext, parameters: Mapping[str, Any], *, named: bool) -> Iterator[str]:
     """Name, namespace and parameters as ROS 2 passes them; a command gets them only where it has parameters."""
     if named:
         yield from ("-r", f"__node:={node.name}")

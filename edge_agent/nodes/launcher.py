@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from metaros.errors import UnavailableError
-from metaros.supervise import guard
+from metaros.supervise import parent_death
 from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
 from metaros.supervise.program import STOPPED, running_pid
 from metaros.supervise.service import TABLE
@@ -19,7 +19,7 @@ from metaros.supervise.service import TABLE
 __all__ = ["BASE_PYTHON", "Launcher", "python_of_base"]
 
 BASE_PYTHON: Final = "METAROS_BASE_PYTHON"  # the install that an update never replaces
-_OURS: Final = (guard.PARENT, HEARTBEAT)  # of the agent alone
+_OURS: Final = (parent_death.PARENT, HEARTBEAT)  # of the agent alone
 _SECRETS: Final = ("METAROS_KEY", "METAROS_STORE", "METAROS_OBJECTS")  # of whoever started it: no business of any node
 
 

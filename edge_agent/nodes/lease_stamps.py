@@ -1,4 +1,4 @@
-"""The moments of this machine's clock that were told over a link: from one of them every lease counts. Pure.
+"""The clock stamps that were sent over a link: every lease counts from one of them. Pure.
 
 The gateway cannot know how long its words take, nor what the calendars of the two machines say. So it says from which
 of our own moments a lease counts, and words that come late give the less the later they are.
@@ -6,23 +6,23 @@ of our own moments a lease counts, and words that come late give the less the la
 
 from __future__ import annotations
 
-__all__ = ["Moments"]
+__all__ = ["LeaseStamps"]
 
 
-class Moments:
-    """Of one link at a time; nanoseconds of `metaros.clock.boot_s`."""
+class LeaseStamps:
+    """The stamps of one link at a time; nanoseconds of `metaros.clock.boot_s`."""
 
     def __init__(self) -> None:
         self._first_ns = self._last_ns = 0
 
-    def tell(self, now_ns: int) -> int:
-        """Tell this one."""
+    def issue(self, now_ns: int) -> int:
+        """Record a stamp that is being sent, and return it."""
         self._first_ns = self._first_ns or now_ns
         self._last_ns = now_ns
         return now_ns
 
     def knows(self, since_ns: int) -> bool:
-        """Whether a lease may count from there: not from what another link, or the machine before a restart, told."""
+        """Whether a lease may count from there: not from a stamp of another link, or from before a reboot."""
         return 0 < self._first_ns <= since_ns <= self._last_ns
 
     def forget(self) -> None:

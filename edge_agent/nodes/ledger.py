@@ -1,4 +1,4 @@
-"""What the desk remembers over its end: which version of each node's bundle proved itself, and which did not."""
+"""Persistent record of which version of each node's bundle proved itself, and which failed."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-from edge_agent.nodes.trial import Trial
-from metaros.supervise.table_file import write_whole
+from edge_agent.nodes.version_trial import VersionTrial
+from metaros.supervise.node_table_file import write_whole
 
 __all__ = ["Ledger"]
 
@@ -29,11 +29,11 @@ class Ledger:
         self._trials = self._read()
         self._written = b""
 
-    def trial(self, node: str, bundle: str) -> Trial:
+    def trial(self, node: str, bundle: str) -> VersionTrial:
         """Of a node; another bundle begins anew."""
         found = self._trials.get(node)
         if found is None or found.bundle != bundle:
-            found = self._trials[node] = Trial(bundle)
+            found = self._trials[node] = VersionTrial(bundle)
             while len(self._trials) > _NODES:
                 del self._trials[next(iter(self._trials))]
         return found
@@ -50,7 +50,7 @@ class Ledger:
         except OSError as error:
             LOG.warning("cannot keep which bundles are good: %s", error)
 
-    def _read(self) -> dict[str, Trial]:
+    def _read(self) -> dict[str, VersionTrial]:
         try:
             found = json.loads(self._path.read_bytes())
             return {str(node): _trial(row) for node, row in list(found.items())[:_NODES]}
@@ -61,6 +61,6 @@ class Ledger:
             return {}
 
 
-def _trial(row: Mapping[str, object]) -> Trial:
+def _trial(row: Mapping[str, object]) -> VersionTrial:
     bundle, good, failed, code, message = (str(row[key]) for key in _KEPT)
-    return Trial(bundle, good=good, failed=failed, code=code, message=message)
+    return VersionTrial(bundle, good=good, failed=failed, code=code, message=message)

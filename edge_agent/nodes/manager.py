@@ -1,6 +1,6 @@
 """The robot's nodes: what the twin wants becomes the supervisor's table, and what the supervisor runs is reported.
 
-The desk decides nothing about a running process: it finds programs, checks them against the robot's own settings,
+The manager decides nothing about a running process: it finds programs, checks them against the robot's own settings,
 fetches bundles, and hands the table over. What runs goes on without it.
 """
 
@@ -15,32 +15,32 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from edge_agent.nodes.allowed import NodeSettings
+from edge_agent.config.node_settings import NodeSettings
 from edge_agent.nodes.bundles import Bundle, Bundles
-from edge_agent.nodes.client import SupervisorLine
+from edge_agent.nodes.client import SupervisorConnection
 from edge_agent.nodes.errors import NodeRefusedError
+from edge_agent.nodes.launch_row import LaunchContext, as_json, check_allowed, launch_row
 from edge_agent.nodes.launcher import Launcher
 from edge_agent.nodes.ledger import Ledger
-from edge_agent.nodes.rows import Place, as_json, check_allowed, row_of
-from edge_agent.nodes.trial import Trial
+from edge_agent.nodes.version_trial import VersionTrial
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import ConfigError, MetarosError
+from metaros.fleet.twin import parse
+from metaros.fleet.twin.document import NodeSpec
 from metaros.limits import LIMITS
+from metaros.supervise.node_table_file import Row, TableFile
 from metaros.supervise.service import TABLE
-from metaros.supervise.table_file import Row, TableFile
-from metaros.twin import parse
-from metaros.twin.document import NodeWanted
 
-__all__ = ["NodeDesk"]
+__all__ = ["NodeManager"]
 
 LOG = logging.getLogger("metaros.agent.nodes")
 AGAIN_S: Final = (5.0, 300.0)  # between tries to fetch a bundle
-JUDGE_S: Final = 1.0  # new versions are looked at so often, and more often where they prove themselves sooner
+EVALUATE_S: Final = 1.0  # new versions are looked at so often, and more often where they prove themselves sooner
 VERBS: Final = ("start", "stop", "restart", "signal", "retry", "crashes")
 
 
-class NodeDesk:
+class NodeManager:
     """`run` it beside the uplink. `set_nodes` gives the wanted nodes, `reported` says how they are."""
 
     def __init__(
@@ -48,7 +48,7 @@ class NodeDesk:
         ledger: Ledger,
         *,
         settings: NodeSettings,
-        place: Place,
+        place: LaunchContext,
         clock: Clock,
         bundles: Bundles | None = None,
         launcher: Launcher | None = None,
@@ -57,9 +57,9 @@ class NodeDesk:
         self._ledger = ledger
         self._settings, self._place, self._clock, self._bundles = settings, place, clock, bundles
         self._launcher = launcher or Launcher(ledger.directory)
-        self._judge_s = min(JUDGE_S, settings.health_s / 4)
-        self.line = SupervisorLine(ledger.directory, self._launcher, self._on_list)
-        self._wanted: dict[str, NodeWanted] | None = None  # None: nobody has said yet; the table stays as it is
+        self._evaluate_s = min(EVALUATE_S, settings.health_s / 4)
+        self.line = SupervisorConnection(ledger.directory, self._launcher, self._on_list)
+        self._wanted: dict[str, NodeSpec] | None = None  # None: nobody has said yet; the table stays as it is
         self._found: dict[str, Any] | None = None
         self._problems: dict[str, tuple[str, str]] = {}  # by node: code and message of its bundle
         self._fetching: set[str] = set()
@@ -107,7 +107,7 @@ class NodeDesk:
                 )
         return rows
 
-    # -- from afar -------------------------------------------------------------------------------------------------
+    # -- remote requests ---------------------------------------------------------------------------------------------
 
     async def verb(self, node: str, verb: str, signal: int = 0, *, timeout_s: float = 30.0) -> bytes:
         """One of VERBS; what comes back is nothing, or JSON of `crashes`. Raises SupervisorError, ConfigError."""
@@ -149,7 +149,7 @@ class NodeDesk:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self.line.run())
                 group.create_task(self._keep())
-                group.create_task(self._judge())
+                group.create_task(self._evaluate())
         finally:
             await self.line.close()
 
@@ -198,7 +198,7 @@ class NodeDesk:
                 self._trial(wanted[row.name]).begin(row.version)
         self._ledger.keep()
 
-    def _rows_now(self, wanted: Mapping[str, NodeWanted]) -> list[Row]:
+    def _rows_now(self, wanted: Mapping[str, NodeSpec]) -> list[Row]:
         rows: dict[str, Row] = {}
         for name, node in wanted.items():
             bundle = self._bundle_of(node)
@@ -208,7 +208,7 @@ class NodeDesk:
                 continue
             version = self._trial(node).choose(node.version) if node.bundle else ""
             try:
-                row = row_of(node, self._settings, self._place, bundle)
+                row = launch_row(node, self._settings, self._place, bundle)
             except NodeRefusedError as error:  # only its bundle says what it is
                 self._problems[name] = (error.code, str(error)[:300])
                 continue
@@ -218,7 +218,7 @@ class NodeDesk:
         }
         return list(self._rows.values())
 
-    def _bundle_of(self, node: NodeWanted) -> Bundle | None:
+    def _bundle_of(self, node: NodeSpec) -> Bundle | None:
         if not node.bundle or self._bundles is None:
             return None
         try:
@@ -259,16 +259,16 @@ class NodeDesk:
         except OSError as error:
             LOG.warning("bundles that nobody wants stay: %s", error)
 
-    async def _judge(self) -> None:
+    async def _evaluate(self) -> None:
         """New versions of bundles: good, or back to the last good one."""
         while True:
-            await asyncio.sleep(self._judge_s)
+            await asyncio.sleep(self._evaluate_s)
             for node in (self._found or {}).get("nodes", []):
                 wanted = (self._wanted or {}).get(node["name"])
                 if wanted is None or not wanted.bundle:
                     continue
                 trial = self._trial(wanted)
-                settled = trial.judge(
+                settled = trial.evaluate(
                     node,
                     now_s=self._clock.monotonic_s(),
                     wall_ns=self._clock.wall_ns(),
@@ -279,7 +279,7 @@ class NodeDesk:
                     LOG.warning("%s: bundle %s is %s", wanted.name, wanted.bundle, settled)
                     self._settled(wanted, trial, settled)
 
-    def _settled(self, node: NodeWanted, trial: Trial, how: str) -> None:
+    def _settled(self, node: NodeSpec, trial: VersionTrial, how: str) -> None:
         self._ledger.keep()
         if how == "healthy" and self._bundles is not None:
             try:
@@ -291,7 +291,7 @@ class NodeDesk:
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _trial(self, node: NodeWanted) -> Trial:
+    def _trial(self, node: NodeSpec) -> VersionTrial:
         return self._ledger.trial(node.name, node.bundle)
 
     def _on_list(self, found: dict[str, Any] | None) -> None:
@@ -340,8 +340,8 @@ def crash_reports(found: list[dict[str, Any]], most_bytes: int = LIMITS.node_ans
         found = found[1:]
 
 
-def _parsed(nodes: Mapping[str, Any] | None) -> Mapping[str, NodeWanted]:
+def _parsed(nodes: Mapping[str, Any] | None) -> Mapping[str, NodeSpec]:
     """Rows of the twin's document, or what was made of them."""
-    if nodes and all(isinstance(node, NodeWanted) for node in nodes.values()):
+    if nodes and all(isinstance(node, NodeSpec) for node in nodes.values()):
         return nodes
     return parse({"nodes": dict(nodes or {})}).nodes or {}

@@ -1,4 +1,4 @@
-"""The nodes' desk of an agent, from its settings."""
+"""Builds an agent's node manager from its settings."""
 
 from __future__ import annotations
 
@@ -7,25 +7,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edge_agent.nodes.bundles import Bundles
-from edge_agent.nodes.desk import NodeDesk
+from edge_agent.nodes.launch_row import LaunchContext
 from edge_agent.nodes.launcher import python_of_base
 from edge_agent.nodes.ledger import Ledger
-from edge_agent.nodes.link import NodeLink
-from edge_agent.nodes.rows import Place
+from edge_agent.nodes.link_handler import NodeLinkHandler
+from edge_agent.nodes.manager import NodeManager
+from metaros.automation.robot.policy import ACTUATORS_VARIABLE, ALLOWED_VARIABLE, FOLDER_VARIABLE, ROBOT_VARIABLE
 from metaros.clock import Clock
-from metaros.robot_functions.law import ACTUATORS_VARIABLE, ALLOWED_VARIABLE, FOLDER_VARIABLE, ROBOT_VARIABLE
 from metaros.wire.profile import default_folder
 
 if TYPE_CHECKING:
-    from edge_agent.config import Settings
+    from edge_agent.config.settings import Settings
 
 __all__ = ["open_nodes"]
 
 
-def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int, bundles: Bundles | None) -> NodeLink:
-    """The desk on the link; nothing runs before its `run` does. Without `bundles` the robot is not enrolled."""
+def open_nodes(
+    settings: Settings, directory: Path, clock: Clock, *, domain: int, bundles: Bundles | None
+) -> NodeLinkHandler:
+    """The manager's link handler; nothing runs before its `run` does. Without `bundles` the robot is not enrolled."""
     session = _folder(settings, enrolled=bundles is not None)
-    place = Place(
+    place = LaunchContext(
         namespace=settings.namespace,
         zenoh_port=settings.zenoh_port,
         domain=domain,
@@ -39,14 +41,14 @@ def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int
         },
         drive_session=str(session / "agent.json5") if session else "",
     )
-    desk = NodeDesk(
+    manager = NodeManager(
         Ledger(directory),
         settings=settings.nodes,
         place=place,
         clock=clock,
         bundles=bundles,
     )
-    return NodeLink(desk)
+    return NodeLinkHandler(manager)
 
 
 def _folder(settings: Settings, *, enrolled: bool) -> Path | None:

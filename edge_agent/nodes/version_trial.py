@@ -1,6 +1,6 @@
-"""A new version of a bundle has to prove itself; where it does not, the node goes back to the one that did. Pure.
+"""Automatic rollback of node bundles: a new version has to prove itself, else the last good one runs again. Pure.
 
-What each node's good version is, and which one failed, is kept on disk by the desk.
+What each node's good version is, and which one failed, is kept on disk by the manager.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-__all__ = ["Trial"]
+__all__ = ["VersionTrial"]
 
 EXITS: Final = 3  # so many of the new version end the trial
 
 
 @dataclass(slots=True)
-class Trial:
+class VersionTrial:
     """The versions of one node's bundle. `good` has proved itself, `failed` has not; "" = none."""
 
     bundle: str
@@ -46,7 +46,7 @@ class Trial:
             return
         self.trying, self.seen = version, False
 
-    def judge(self, node: Mapping[str, Any], *, now_s: float, wall_ns: int, health_s: float, trial_s: float) -> str:
+    def evaluate(self, node: Mapping[str, Any], *, now_s: float, wall_ns: int, health_s: float, trial_s: float) -> str:
         """`healthy` or `rolled_back` when that is settled now, else nothing. `node` is the supervisor's row."""
         if not self.trying or node.get("version") != self.trying:
             return ""

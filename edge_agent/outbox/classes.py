@@ -1,4 +1,4 @@
-"""The delivery classes' durable part as a table: quota, when a batch is synced, and who yields when room is short."""
+"""The delivery classes' durable part as a table: quota, when a batch is synced, and who yields when space is short."""
 
 from __future__ import annotations
 

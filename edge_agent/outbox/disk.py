@@ -56,13 +56,13 @@ class OsDisk:
     def __init__(self, root: Path, *, calls: Any = os) -> None:
         self._root = root
         self._os = calls
-        with _told("create", str(root)):
+        with _as_disk_error("create", str(root)):
             root.mkdir(parents=True, exist_ok=True)
 
     def names(self, folder: str) -> list[str]:
         """The files of a folder, sorted; drafts that a crash left behind are removed and not named."""
         path = self._root / folder
-        with _told("list", folder):
+        with _as_disk_error("list", folder):
             path.mkdir(exist_ok=True)
             found = sorted(entry.name for entry in path.iterdir() if entry.is_file())
         for name in found:
@@ -77,18 +77,18 @@ class OsDisk:
         except FileNotFoundError:
             return 0
         except OSError as error:
-            raise told("look at", name, error) from error
+            raise as_disk_error("look at", name, error) from error
 
     def read(self, name: str, offset: int, size: int) -> bytes:
         """At most `size` bytes of a file."""
-        with _told("read", name), open(self._root / name, "rb", buffering=0) as file:
+        with _as_disk_error("read", name), open(self._root / name, "rb", buffering=0) as file:
             file.seek(offset)
             return file.read(size)
 
     def append(self, name: str, offset: int, data: bytes) -> None:
         """Cut the file at `offset`, write `data` there and sync it; undone when it fails."""
         path = self._root / name
-        with _told("write", name):
+        with _as_disk_error("write", name):
             fresh = not path.exists()
             descriptor = self._os.open(path, os.O_WRONLY | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o600)
             try:
@@ -106,7 +106,7 @@ class OsDisk:
         """Put a synced file in the place of whatever has that name, at once or not at all."""
         path = self._root / name
         draft = path.with_name(path.name + _DRAFT)
-        with _told("write", name):
+        with _as_disk_error("write", name):
             path.parent.mkdir(exist_ok=True)
             descriptor = self._os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o600)
             try:
@@ -122,12 +122,12 @@ class OsDisk:
 
     def remove(self, name: str) -> None:
         """Delete a file; nothing happens when there is none."""
-        with _told("remove", name), contextlib.suppress(FileNotFoundError):
+        with _as_disk_error("remove", name), contextlib.suppress(FileNotFoundError):
             self._os.unlink(self._root / name)
 
     def free(self) -> tuple[int, int]:
         """Free and all bytes of the file system, as far as this user may use them."""
-        with _told("look at", "the file system"):
+        with _as_disk_error("look at", "the file system"):
             if not hasattr(os, "statvfs"):  # Windows
                 import shutil
 
@@ -172,14 +172,14 @@ class OsDisk:
 
 
 @contextlib.contextmanager
-def _told(verb: str, name: str) -> Iterator[None]:
+def _as_disk_error(verb: str, name: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise told(verb, name, error) from error
+        raise as_disk_error(verb, name, error) from error
 
 
-def told(verb: str, name: str, error: OSError) -> DiskError:
-    """The error in our words: full, or broken."""
+def as_disk_error(verb: str, name: str, error: OSError) -> DiskError:
+    """An OSError as DiskFullError or DiskError."""
     kind = DiskFullError if error.errno in _FULL else DiskError
     return kind(f"cannot {verb} {name}: {error.strerror or error}")

@@ -17,7 +17,7 @@ from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.reader import Segment
 from edge_agent.outbox.segment import Frame, Gap, Kind, SegmentHeader, pack_frame, pack_header, scan
 
-__all__ = ["KEEP_ONE_IN", "RewriteJob", "Yields", "with_room"]
+__all__ = ["KEEP_ONE_IN", "RewriteJob", "SpaceReclaimer", "with_room"]
 
 KEEP_ONE_IN = 10
 BLOCK_BYTES = 4096  # what a file takes of a disk
@@ -120,7 +120,7 @@ class RewriteJob:
                 yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)
 
 
-class Yields(Protocol):
+class SpaceReclaimer(Protocol):
     """Who has something to give up on a full disk."""
 
     def relief_job(self, name: LogName) -> RewriteJob | None:
@@ -130,7 +130,7 @@ class Yields(Protocol):
         """It was run."""
 
 
-def with_room(save: Callable[[], None], yields: Yields) -> None:
+def with_room(save: Callable[[], None], yields: SpaceReclaimer) -> None:
     """Save, if need be in the place of the oldest samples that may go. Raises DiskError when none is left."""
     passed: list[RewriteJob] = []
     try:

@@ -130,7 +130,7 @@ class OutboxState:
         return found
 
     def _only(self, writers: list[str]) -> OutboxState:
-        """With these of its writers; what others found is told by the next one that stays."""
+        """With these of its writers; what others found is reported by the next one that stays."""
         found: dict[str, dict[int, Streams]] = {}
         waiting: dict[int, Streams] = {}
         for writer in self.writers:

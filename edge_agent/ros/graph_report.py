@@ -1,45 +1,45 @@
-"""What the gateway was told of the graph, and what it has to be told next, in frames of bounded size. Pure."""
+"""Incremental graph reports: what the gateway knows, and the bounded frames that bring it up to date. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from edge_agent.ros.survey import End, Survey
+from edge_agent.ros.graph_snapshot import GraphEndpoint, GraphSnapshot
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
-from metaros.link.type_steps import steps_of
+from metaros.link.parse_cost import parse_cost
 
-__all__ = ["GraphTeller"]
+__all__ = ["GraphReporter"]
 
 FRAME_ITEMS = 256  # nodes and endpoints of one frame, so that it is well below what a lane takes at a time
 
 
-class GraphTeller:
-    """One link's account. `tell` gives the frames that lead from what was told to what is."""
+class GraphReporter:
+    """What one link was sent. `changes` gives the frames that lead from there to the present graph."""
 
     def __init__(self, *, limits: Limits = LIMITS) -> None:
         self._limits = limits
         self.begin()
 
     def begin(self) -> None:
-        """Another link: nothing was told yet."""
+        """Another link: nothing was sent yet."""
         self._anew = True
         self._revision = self._left_out = self._last = 0
         self._nodes: frozenset[str] = frozenset()
         self._numbers: dict[bytes, int] = {}
-        self._ends: dict[bytes, End] = {}
+        self._endpoints: dict[bytes, GraphEndpoint] = {}
         self._types: set[tuple[str, str]] = set()
 
-    def tell(
-        self, now: Survey, types: Mapping[tuple[str, str], link_pb2.TypeText] | None = None
+    def changes(
+        self, now: GraphSnapshot, types: Mapping[tuple[str, str], link_pb2.TypeText] | None = None
     ) -> list[link_pb2.GraphReport]:
         """The frames for what is now; none where nothing changed. `types` are the texts that are known by now."""
         room = max(0, self._limits.graph_entities - len(now.nodes))
         nodes = frozenset(sorted(now.nodes)[: self._limits.graph_entities])
-        ends = dict(list(now.ends.items())[:room])
-        left_out = len(now.nodes) + len(now.ends) - len(nodes) - len(ends)
-        gone = [gid for gid, end in self._ends.items() if ends.get(gid) != end]
-        came = [gid for gid, end in ends.items() if self._ends.get(gid) != end]
+        endpoints = dict(list(now.endpoints.items())[:room])
+        left_out = len(now.nodes) + len(now.endpoints) - len(nodes) - len(endpoints)
+        gone = [gid for gid, endpoint in self._endpoints.items() if endpoints.get(gid) != endpoint]
+        came = [gid for gid, endpoint in endpoints.items() if self._endpoints.get(gid) != endpoint]
         texts = [text for key, text in (types or {}).items() if key not in self._types]
         changed = gone or came or texts or nodes != self._nodes or left_out != self._left_out
         if not (changed or self._anew):
@@ -48,20 +48,20 @@ class GraphTeller:
         frames[0].endpoints_gone.extend(self._numbers.pop(gid) for gid in gone)
         self._add(frames, "nodes_gone", sorted(self._nodes - nodes))
         self._add(frames, "nodes", sorted(nodes - self._nodes))
-        self._add(frames, "endpoints", [self._endpoint(gid, ends[gid]) for gid in came])
+        self._add(frames, "endpoints", [self._endpoint(gid, endpoints[gid]) for gid in came])
         self._add_types(frames, texts)
         self._types.update((text.type_name, text.type_hash) for text in texts)
-        self._nodes, self._ends, self._left_out = nodes, ends, left_out
+        self._nodes, self._endpoints, self._left_out = nodes, endpoints, left_out
         self._revision += 1
         for frame in frames:
             frame.revision, frame.left_out, frame.more = self._revision, left_out, frame is not frames[-1]
         frames[0].anew, self._anew = self._anew, False
         return frames
 
-    def _endpoint(self, gid: bytes, end: End) -> link_pb2.GraphEndpoint:
+    def _endpoint(self, gid: bytes, endpoint: GraphEndpoint) -> link_pb2.GraphEndpoint:
         self._last += 1
         self._numbers[gid] = self._last
-        kind, node, name, type_name, type_hash, qos = end
+        kind, node, name, type_name, type_hash, qos = endpoint
         return link_pb2.GraphEndpoint(
             number=self._last,
             kind=kind,  # type: ignore[arg-type]  # a number of the enum
@@ -89,7 +89,7 @@ class GraphTeller:
         """As many to a frame as a gateway reads of one."""
         taken = 0
         for text in texts:
-            steps = steps_of(text, enough=self._limits.graph_type_steps)
+            steps = parse_cost(text, enough=self._limits.graph_type_steps)
             taken += steps
             if taken > self._limits.graph_type_steps and frames[-1].types:
                 frames.append(self._frame())

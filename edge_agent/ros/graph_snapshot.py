@@ -1,16 +1,16 @@
-"""What of the ROS graph is this robot's: its nodes, their endpoints, who else uses its names. Pure."""
+"""A snapshot of this robot's part of the ROS graph: its nodes, their endpoints, who else uses its names. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
-from edge_agent.scope import Scope
+from edge_agent.forwarding.scope import Scope
 from metaros._proto import link_pb2
 from metaros.wire import EndpointInfo
 from metaros.wire.graph import NodeInfo
 
-__all__ = ["End", "Survey", "survey"]
+__all__ = ["GraphEndpoint", "GraphSnapshot", "take_snapshot"]
 
 KINDS: Final = {
     "MP": link_pb2.ENDPOINT_KIND_PUBLISHER,
@@ -20,8 +20,8 @@ KINDS: Final = {
 }
 
 
-class End(NamedTuple):
-    """An endpoint as the gateway is told of it."""
+class GraphEndpoint(NamedTuple):
+    """An endpoint as it is reported to the gateway."""
 
     kind: int
     node: str
@@ -31,27 +31,27 @@ class End(NamedTuple):
     qos: str
 
 
-class Survey(NamedTuple):
+class GraphSnapshot(NamedTuple):
     """All of it at one moment; endpoints by their GIDs."""
 
     nodes: frozenset[str]
-    ends: dict[bytes, End]
+    endpoints: dict[bytes, GraphEndpoint]
 
 
-def survey(
+def take_snapshot(
     nodes: Iterable[NodeInfo],
     endpoints: Iterable[EndpointInfo],
     scope: Scope,
     *,
     own: tuple[str, str],
     shows: Callable[[EndpointInfo], bool],
-) -> Survey:
+) -> GraphSnapshot:
     """Look at the graph. `own` is (zid, full name) of the agent's node, of which only what `shows` allows counts.
 
-    A node of another robot that uses a name of this one is told without its own name.
+    A node of another robot that uses a name of this one is reported without its own name.
     """
     mine = frozenset(node.full_name for node in nodes if scope.includes(node.full_name))
-    ends: dict[bytes, End] = {}
+    found: dict[bytes, GraphEndpoint] = {}
     for info in endpoints:
         owner = info.node_full_name
         ours = scope.includes(owner)
@@ -60,5 +60,7 @@ def survey(
         if (info.zid, owner) == own and not shows(info):
             continue
         node = owner if ours else ""
-        ends[info.gid] = End(KINDS[info.kind], node, info.topic, info.type_name, info.type_hash, info.qos_text)
-    return Survey(mine, ends)
+        found[info.gid] = GraphEndpoint(
+            KINDS[info.kind], node, info.topic, info.type_name, info.type_hash, info.qos_text
+        )
+    return GraphSnapshot(mine, found)

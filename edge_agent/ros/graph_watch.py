@@ -1,14 +1,14 @@
-"""Watches the graph, and tells the gateway what changed in this robot's part of it, at most twice a second."""
+"""Watches the ROS graph, and reports changes in this robot's part to the gateway, at most twice a second."""
 
 from __future__ import annotations
 
 import asyncio
 
-from edge_agent.ros.report import GraphTeller
-from edge_agent.ros.survey import Survey, survey
-from edge_agent.ros.types import TypeLearner
-from edge_agent.scope import Scope
-from edge_agent.uplink.desk import Tell
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.handler import SendFrame
+from edge_agent.ros.graph_report import GraphReporter
+from edge_agent.ros.graph_snapshot import GraphSnapshot, take_snapshot
+from edge_agent.ros.types import ServiceTypeDiscovery
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
 from metaros.node import Node
@@ -18,7 +18,7 @@ __all__ = ["GraphWatch"]
 
 
 class GraphWatch:
-    """`link` gives it somebody to tell; `run` does it. All on the event loop; the survey is made in a thread."""
+    """`link` sets where reports go; `run` sends them. All on the event loop; snapshots are taken in a thread."""
 
     def __init__(self, node: Node, scope: Scope, *, limits: Limits = LIMITS) -> None:
         self._node = node
@@ -27,16 +27,16 @@ class GraphWatch:
         self._loop = asyncio.get_running_loop()
         self._changed = asyncio.Event()
         self._linked = asyncio.Event()
-        self._tell: Tell | None = None
-        self._book = GraphTeller(limits=limits)
-        self._types = TypeLearner(node, self._changed.set, limits=limits)
+        self._send_frame: SendFrame | None = None
+        self._reporter = GraphReporter(limits=limits)
+        self._types = ServiceTypeDiscovery(node, self._changed.set, limits=limits)
         self._unwatch = node.graph.on_change(self._on_change)
 
-    def link(self, tell: Tell | None) -> None:
+    def link(self, send: SendFrame | None) -> None:
         """Another link, or none."""
-        self._tell = tell
-        self._book.begin()
-        if tell is None:
+        self._send_frame = send
+        self._reporter.begin()
+        if send is None:
             self._linked.clear()
         else:
             self._linked.set()
@@ -49,11 +49,13 @@ class GraphWatch:
                 await self._linked.wait()
                 await self._changed.wait()
                 self._changed.clear()
-                to = self._tell
-                seen = await asyncio.to_thread(self._survey)
-                if to is not None and to is self._tell:  # else another link has begun: it is told from the start
-                    self._types.look(seen.ends.values())
-                    for report in self._book.tell(seen, self._types.texts):
+                to = self._send_frame
+                seen = await asyncio.to_thread(self._take_snapshot)
+                if (
+                    to is not None and to is self._send_frame
+                ):  # else another link has begun: it gets everything from the start
+                    self._types.look(seen.endpoints.values())
+                    for report in self._reporter.changes(seen, self._types.texts):
                         to(link_pb2.AgentFrame(graph=report))
                 else:
                     self._changed.set()
@@ -62,9 +64,9 @@ class GraphWatch:
             self._unwatch()
             await self._types.close()
 
-    def _survey(self) -> Survey:
+    def _take_snapshot(self) -> GraphSnapshot:
         graph, own = self._node.graph, (self._node.context.zid, self._node.full_name)
-        return survey(graph.nodes(), graph.endpoints(), self._scope, own=own, shows=self._shows)
+        return take_snapshot(graph.nodes(), graph.endpoints(), self._scope, own=own, shows=self._shows)
 
     @staticmethod
     def _shows(info: EndpointInfo) -> bool:

@@ -1,4 +1,4 @@
-"""What clients of the gateway serve in this robot's graph: the whole list comes down, asks go up.
+"""Services and actions that clients of the gateway serve in this robot's graph: offers come down, requests go up.
 
 Without a link nothing is served, as nobody could answer.
 Offers live on a node of their own, which is there while there is one, with an executor on a thread of its own.
@@ -15,23 +15,23 @@ from collections.abc import Callable
 from typing import Final
 
 from edge_agent.errors import ScopeError, TakenError
-from edge_agent.ros.served import Asked, ServedAction, ServedService
-from edge_agent.scope import Scope
-from edge_agent.uplink.desk import Tell
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.handler import SendFrame
+from edge_agent.ros.proxy_server import Asked, ProxyAction, ProxyService
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.executor import SingleThreadedExecutor
 from metaros.limits import LIMITS, Limits
 from metaros.node import Node
 
-__all__ = ["OfferSide"]
+__all__ = ["OfferManager"]
 
 LOG = logging.getLogger("metaros.agent.offers")
 NODE_NAME: Final = "metaros_clients"
-Served = ServedService | ServedAction
+Served = ProxyService | ProxyAction
 
 
-class OfferSide:
+class OfferManager:
     """All on the event loop; what is served calls from the executor's thread."""
 
     def __init__(self, node: Node, scope: Scope, *, limits: Limits = LIMITS) -> None:
@@ -39,7 +39,7 @@ class OfferSide:
         self._scope = scope
         self._limits = limits
         self._loop = asyncio.get_running_loop()
-        self._tell: Tell | None = None
+        self._send_frame: SendFrame | None = None
         self._serving: dict[int, Served] = {}
         self._asks = itertools.count(1)
         self._open: dict[int, Asked] = {}
@@ -51,10 +51,10 @@ class OfferSide:
         self._came = asyncio.Event()
         self._lock = threading.Lock()  # one list at a time
 
-    def link(self, tell: Tell | None) -> None:
+    def link(self, send: SendFrame | None) -> None:
         """Another link, or none: then nothing is offered any more, as nobody could answer."""
-        self._tell = tell
-        if tell is not None:
+        self._send_frame = send
+        if send is not None:
             return
         for asked in list(self._open.values()):
             asked.refuse("the robot lost its link to the gateway")
@@ -79,9 +79,9 @@ class OfferSide:
             while True:
                 await self._came.wait()
                 self._came.clear()
-                wanted, to = self._wanted or link_pb2.Offers(), self._tell
+                wanted, to = self._wanted or link_pb2.Offers(), self._send_frame
                 states = await asyncio.to_thread(self._reconcile, list(wanted.offers))
-                if to is not None and to is self._tell and states:
+                if to is not None and to is self._send_frame and states:
                     to(link_pb2.AgentFrame(offer_states=link_pb2.OfferStates(states=states)))
         finally:
             self.link(None)
@@ -122,7 +122,7 @@ class OfferSide:
             raise TakenError(f"somebody serves {offer.name} already")
         node = self._home()
         ask = self._asker(offer.number)
-        return ServedAction(node, offer, ask) if offer.action else ServedService(node, offer, ask)
+        return ProxyAction(node, offer, ask) if offer.action else ProxyService(node, offer, ask)
 
     def _asker(self, number: int) -> Callable[[Asked], None]:
         def ask(asked: Asked) -> None:
@@ -133,13 +133,13 @@ class OfferSide:
 
     def _asked(self, number: int, asked: Asked) -> None:
         """On the loop: somebody wants something."""
-        if self._tell is None or len(self._open) >= self._limits.offer_asks:
+        if self._send_frame is None or len(self._open) >= self._limits.offer_asks:
             asked.refuse("nobody can be asked now")
             return
         ask = next(self._asks)
         self._open[ask] = asked
         frame = link_pb2.OfferAsked(number=number, ask=ask, request=asked.request, goal_id=asked.goal_id)
-        self._tell(link_pb2.AgentFrame(asked=frame))
+        self._send_frame(link_pb2.AgentFrame(asked=frame))
 
         def told(cancel: bool) -> None:
             with contextlib.suppress(RuntimeError):
@@ -149,8 +149,8 @@ class OfferSide:
 
     def _changed(self, ask: int, cancel: bool) -> None:
         """On the loop: a goal is to stop."""
-        if ask in self._open and self._tell is not None:
-            self._tell(link_pb2.AgentFrame(asked=link_pb2.OfferAsked(ask=ask, cancel=cancel)))
+        if ask in self._open and self._send_frame is not None:
+            self._send_frame(link_pb2.AgentFrame(asked=link_pb2.OfferAsked(ask=ask, cancel=cancel)))
 
     def _home(self) -> Node:
         """The node of what is offered, with its thread."""

@@ -1,4 +1,4 @@
-"""One offered service or action in the robot's graph: requests go up as CDR, answers come back from any thread."""
+"""A proxy for an offered service or action: requests go to the gateway as CDR, answers come back from any thread."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from typing import Any, Final, cast
 
 from metaros._proto import link_pb2
 from metaros.cdr import Codec, codec
+from metaros.concurrency.waiting import WaitQueue
 from metaros.errors import MetarosError, UnknownTypeError
 from metaros.idl import message_class
 from metaros.idl.known import catalogue_of
 from metaros.limits import LIMITS
 from metaros.node import Node
 from metaros.node.action import ActionServer, ServerGoal
-from metaros.node.service import Responder, Waiting
-from metaros.waiting import WaitQueue
+from metaros.node.service import PendingRequest, Responder
 from metaros.wire import qos_services
 
-__all__ = ["Asked", "AskedGoal", "AskedService", "ServedAction", "ServedService"]
+__all__ = ["Asked", "PendingCall", "PendingGoal", "ProxyAction", "ProxyService"]
 
 LOOK_S: Final = 0.05  # how often a goal that nobody says anything of is asked whether it is to stop
 CANCELED, SUCCEEDED = 5, 4
 
 
-class AskedService:
+class PendingCall:
     """A request that somebody on the robot waits for."""
 
     goal_id = b""
 
-    def __init__(self, request: bytes, waiting: Waiting) -> None:
+    def __init__(self, request: bytes, waiting: PendingRequest) -> None:
         self.request = request
         self._waiting = waiting
 
@@ -50,14 +50,14 @@ class AskedService:
         """A request does not change."""
 
 
-class AskedGoal:
+class PendingGoal:
     """A goal that somebody on the robot sent."""
 
     def __init__(self, request: bytes, goal_id: bytes) -> None:
         self.request = request
         self.goal_id = goal_id
         self._answers: WaitQueue[link_pb2.OfferAnswer] = WaitQueue()
-        self._told: Callable[[bool], None] = lambda cancel: None
+        self._reported: Callable[[bool], None] = lambda cancel: None
         self._lock = threading.Lock()
         self._stopping = False
 
@@ -72,7 +72,7 @@ class AskedGoal:
     def follow(self, told: Callable[[bool], None]) -> None:
         """Call `told(cancel)` when it is to stop, from any thread; at once where it is already."""
         with self._lock:
-            self._told, late = told, self._stopping
+            self._reported, late = told, self._stopping
         if late:
             told(True)
 
@@ -81,7 +81,7 @@ class AskedGoal:
         with self._lock:
             if self._stopping:
                 return
-            self._stopping, told = True, self._told
+            self._stopping, told = True, self._reported
         told(True)
 
     def next(self) -> link_pb2.OfferAnswer | None:
@@ -92,7 +92,7 @@ class AskedGoal:
             return None
 
 
-Asked = AskedService | AskedGoal
+Asked = PendingCall | PendingGoal
 Ask = Callable[[Asked], None]
 
 
@@ -108,7 +108,7 @@ class _Bytes:
         return data
 
 
-class ServedService:
+class ProxyService:
     """A service of any type."""
 
     def __init__(self, node: Node, offer: link_pb2.Offer, ask: Ask) -> None:
@@ -118,7 +118,7 @@ class ServedService:
             node,
             service,
             offer.name,
-            lambda request, waiting: ask(AskedService(request, waiting)),
+            lambda request, waiting: ask(PendingCall(request, waiting)),
             request=plain,
             response=plain,
             qos=qos_services,
@@ -130,7 +130,7 @@ class ServedService:
         self._responder.close()
 
 
-class ServedAction:
+class ProxyAction:
     """An action of a type that this agent knows. UnknownTypeError where it does not."""
 
     def __init__(self, node: Node, offer: link_pb2.Offer, ask: Ask) -> None:
@@ -150,7 +150,7 @@ class ServedAction:
 
     def _execute(self, goal: ServerGoal) -> Any:
         """On a worker's thread, until its client ends it."""
-        asked = AskedGoal(self._goal.encode(goal.request), goal.goal_id)
+        asked = PendingGoal(self._goal.encode(goal.request), goal.goal_id)
         self._ask(asked)
         while True:
             if goal.should_stop:

@@ -19,13 +19,13 @@ from metaros.errors import PeerError, UnavailableError, UsageError
 from metaros.limits import LIMITS
 from metaros.node import Node
 from metaros.node.action.types import ENDPOINTS, id_of
-from metaros.node.call import Reply
 from metaros.node.client import RawClient
+from metaros.node.pending_call import Reply
 from metaros.node.subscription import RawSubscription, Subscription
 from metaros.wire import EndpointInfo, qos_default, qos_transient_local
 from metaros.wire.shm import intact
 
-__all__ = ["RawAction", "cancel_request", "find_ends", "goal_id_of", "goal_request", "result_request", "statuses"]
+__all__ = ["RawAction", "cancel_request", "find_endpoints", "goal_id_of", "goal_request", "result_request", "statuses"]
 
 HEADER_BYTES: Final = 4
 ID_BYTES: Final = 16
@@ -65,7 +65,7 @@ def statuses(array: bytes) -> dict[bytes, int]:
 class RawAction:
     """The five endpoints of one action's client.
 
-    `on_feedback` runs on Zenoh's thread, on which results come, too: it has heard what was published before a result
+    `on_feedback` runs on Zenoh's thread, on which results come, too: it has received what was published before a result
     by the time that is here. It must not block. `on_status` runs on a thread of its own.
     """
 
@@ -73,15 +73,15 @@ class RawAction:
         self,
         node: Node,
         name: str,
-        ends: Mapping[str, EndpointInfo],
+        endpoints: Mapping[str, EndpointInfo],
         on_feedback: Callable[[bytes], None],
         on_status: Callable[[bytes], None],
     ) -> None:
         self.name = name
-        self.type_name = ends["send_goal"].type_name.removesuffix("_SendGoal")
-        self.type_hash = ends["send_goal"].type_hash
+        self.type_name = endpoints["send_goal"].type_name.removesuffix("_SendGoal")
+        self.type_hash = endpoints["send_goal"].type_hash
         self.users = 0
-        named = {part: (end.topic, end.type_name, end.type_hash) for part, end in ends.items()}
+        named = {part: (end.topic, end.type_name, end.type_hash) for part, end in endpoints.items()}
         clients = [node.create_raw_client(*named[part]) for part in SERVICES]
         self._send, self._cancel, self._result = clients
         self._closing: list[RawClient | RawSubscription | Subscription] = [
@@ -119,22 +119,22 @@ def _hear(on_feedback: Callable[[bytes], None], sample: zenoh.Sample) -> None:
             on_feedback(feedback)
 
 
-async def find_ends(
+async def find_endpoints(
     node: Node, action: str, type_name: str, type_hash: str, timeout_s: float
 ) -> dict[str, EndpointInfo]:
     """The endpoints of an action's server, as soon as all are in the graph; UnavailableError."""
     for _ in range(max(1, round(min(timeout_s, 2.0) / LOOK_S))):
-        ends = {
+        endpoints = {
             part: end
             for part, suffix in ENDPOINTS.items()
             for end in node.graph.endpoints(action + suffix, "MP" if part in ("feedback", "status") else "SS")
         }
-        first = ends.get("send_goal")
+        first = endpoints.get("send_goal")
         if first is not None and first.type_name != f"{type_name}_SendGoal":
             raise UnavailableError(f"{action} is of type {first.type_name.removesuffix('_SendGoal')}, not {type_name}")
         if first is not None and type_hash not in ("", first.type_hash):
             raise UnavailableError(f"{action} is of another version of {type_name}")
-        if len(ends) == len(ENDPOINTS):
-            return ends
+        if len(endpoints) == len(ENDPOINTS):
+            return endpoints
         await asyncio.sleep(LOOK_S)
     raise UnavailableError(f"nobody serves the action {action}")

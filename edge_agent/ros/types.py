@@ -1,4 +1,4 @@
-"""Types of services that not everybody knows: asked of the robot's nodes, told to the gateway with the graph."""
+"""Discovery of custom service types: asked of the robot's nodes, sent to the gateway with the graph."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from edge_agent.ros.survey import End
+from edge_agent.ros.graph_snapshot import GraphEndpoint
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue, MessageDefinition, catalogue_of, default_catalogue, definition_text
 from metaros.idl.derived import root_names
 from metaros.limits import LIMITS, Limits
-from metaros.link.type_steps import steps_of
+from metaros.link.parse_cost import parse_cost
 from metaros.node import Node
 from metaros.node.introspection import fetch_type_async
 
-__all__ = ["TypeLearner", "type_text"]
+__all__ = ["ServiceTypeDiscovery", "type_text"]
 
 LOG = logging.getLogger("metaros.agent.types")
 PAUSES_S: Final = (0.0, 5.0, 30.0)  # before each try: a node that has just started may not answer yet
@@ -25,7 +25,7 @@ AT_ONCE: Final = 4
 Key = tuple[str, str]
 
 
-class TypeLearner:
+class ServiceTypeDiscovery:
     """`texts` grows as nodes answer; `learned` is called then. On the event loop."""
 
     def __init__(self, node: Node, learned: Callable[[], None], *, limits: Limits = LIMITS) -> None:
@@ -42,12 +42,16 @@ class TypeLearner:
         """What is known by now, by name and hash."""
         return self._texts
 
-    def look(self, ends: Iterable[End]) -> None:
+    def look(self, endpoints: Iterable[GraphEndpoint]) -> None:
         """See to it that the types of these services become known; each is asked for once."""
         shipped = default_catalogue()
-        for end in ends:
-            key = (end.type_name, end.type_hash)
-            new = end.kind == link_pb2.ENDPOINT_KIND_SERVER and "/srv/" in end.type_name and key not in self._asked
+        for endpoint in endpoints:
+            key = (endpoint.type_name, endpoint.type_hash)
+            new = (
+                endpoint.kind == link_pb2.ENDPOINT_KIND_SERVER
+                and "/srv/" in endpoint.type_name
+                and key not in self._asked
+            )
             if not new or catalogue_of(*key) is shipped or len(self._asked) >= self._limits.graph_types:
                 continue
             self._asked.add(key)
@@ -71,13 +75,13 @@ class TypeLearner:
             except MetarosError as error:
                 reason = str(error)
                 continue
-            if steps_of(text, enough=self._limits.graph_type_steps) <= self._limits.graph_type_steps:
+            if parse_cost(text, enough=self._limits.graph_type_steps) <= self._limits.graph_type_steps:
                 self._texts[key] = text
                 self._learned()
                 return
             reason = "its definition is too large"
             break
-        LOG.warning("services of type %s can only be called in CDR from afar: %s", key[0], reason)
+        LOG.warning("services of type %s can only be called remotely in CDR: %s", key[0], reason)
 
 
 def type_text(key: Key, catalogue: Catalogue) -> link_pb2.TypeText:

@@ -6,7 +6,7 @@ import logging
 import os
 from collections.abc import Mapping
 
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from metaros.wire.profile import default_folder, session_file
 
 __all__ = ["session_environ"]

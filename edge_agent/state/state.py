@@ -9,16 +9,16 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from edge_agent.command_log import CommandLog
-from edge_agent.config import Settings
+from edge_agent.commands.executed_ids import CommandLog
+from edge_agent.commands.stored_results import StoredResults
+from edge_agent.config.settings import Settings
+from edge_agent.config.topic_table import TopicTable
 from edge_agent.errors import DiskError
-from edge_agent.kept_results import KeptResults
+from edge_agent.link.byte_budget_override import stored_limit
 from edge_agent.outbox import Disk, OsDisk, Outbox, forget_series
-from edge_agent.state_dir import default_state_dir, locked
-from edge_agent.store_id import StoreId
-from edge_agent.topics import TopicTable
+from edge_agent.state.state_dir import default_state_dir, locked
+from edge_agent.state.store_id import StoreId
 from edge_agent.twin.setup import TwinStart, open_twin
-from edge_agent.uplink_limit import stored_limit
 from metaros.clock import Clock, system_rng
 from metaros.limits import LIMITS, Limits
 
@@ -38,7 +38,7 @@ class AgentState:
     outbox: Outbox
     store_id: StoreId
     command_log: CommandLog
-    kept_results: KeptResults
+    kept_results: StoredResults
     limit_bytes_per_s: int
     twin: TwinStart
 
@@ -92,7 +92,7 @@ def read_state(settings: Settings, directory: Path, clock: Clock, limits: Limits
         outbox=outbox,
         store_id=StoreId(disk),
         command_log=CommandLog(disk),
-        kept_results=KeptResults(disk),
+        kept_results=StoredResults(disk),
         limit_bytes_per_s=stored_limit(disk),
         twin=open_twin(
             disk,

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from edge_agent.errors import DiskError
+from metaros.concurrency.file_lock import take_lock
 from metaros.errors import ConfigError
-from metaros.file_lock import take_lock
 
 __all__ = ["default_state_dir", "locked"]
 

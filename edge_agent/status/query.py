@@ -1,4 +1,4 @@
-"""An agent's answer to whoever asks how it does: a query on `@metaros/<domain>/<zid>/agent`, JSON back.
+"""Status queries: answers on `@metaros/<domain>/<zid>/agent` with JSON.
 
 Nothing is published while nobody asks.
 """
@@ -14,11 +14,12 @@ from typing import Any
 
 import zenoh
 
-from edge_agent.config import Settings
-from edge_agent.report import running_report
-from edge_agent.state_dir import default_state_dir
-from edge_agent.store_id import StoreId
-from edge_agent.uplink.session import Identity, Queues
+from edge_agent.config.settings import Settings
+from edge_agent.state.state_dir import default_state_dir
+from edge_agent.state.store_id import StoreId
+from edge_agent.status.report import running_report
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import Identity
 from edge_agent.uplink.statistics import LinkFacts
 from metaros.node import Context
 

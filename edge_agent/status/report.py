@@ -1,4 +1,4 @@
-"""How an agent does, as a JSON-able report: told by one that runs, or read from the directory of one that does not.
+"""An agent's status as a JSON-able report: from a running agent, or read from the directory of a stopped one.
 
 Reading changes nothing and takes no lock: a running agent may be writing meanwhile.
 """
@@ -11,18 +11,18 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from edge_agent.blackbox.recording_store import RecordingStore
 from edge_agent.blackbox.setup import BOX_FOLDER, RECORDINGS_FOLDER
-from edge_agent.blackbox.shelf import Shelf
 from edge_agent.errors import CorruptError
+from edge_agent.link.byte_budget_override import stored_limit
 from edge_agent.outbox import CLASSES, LOGS, Disk, Outbox
 from edge_agent.outbox.reader import Segment
 from edge_agent.outbox.segment import SegmentHeader, read_header, scan
 from edge_agent.outbox.state import OutboxState
-from edge_agent.store_id import StoreId
+from edge_agent.state.store_id import StoreId
 from edge_agent.twin.state import TwinFile
-from edge_agent.uplink.session import Queues
+from edge_agent.uplink.queues import Queues
 from edge_agent.uplink.statistics import LinkFacts, class_depth
-from edge_agent.uplink_limit import stored_limit
 from metaros._proto import link_pb2
 
 __all__ = ["held_report", "running_report"]
@@ -76,7 +76,7 @@ def running_report(
         "epochs": [f"{epoch:016x}" for epoch in outbox.state.epochs.values()],
         "classes": [*classes, _class_row(depth, None)],
         "black_box": _box_row(facts.black_box() if facts.black_box is not None else link_pb2.BlackBox()),
-        "recordings": _shelf_row(queues.shelf),
+        "recordings": _shelf_row(queues.recordings),
         "twin": twin_row(directory),
     }
 
@@ -116,7 +116,7 @@ def held_report(directory: Path) -> Report:
 
 
 def twin_row(directory: Path) -> Report:
-    """How it stands with the twin, by its record: `revision` is the newest that came, the robot lives by `applied`.
+    """The twin's state, by its record: `revision` is the newest that came, `applied` the one in force.
 
     `state` is applied, on trial, reverted or refused; revision 0 is the robot's own settings.
     """
@@ -192,8 +192,8 @@ def _box_row(box: link_pb2.BlackBox) -> Report:
     return {name: getattr(box, name) for name in ("from_ns", "to_ns", "size_bytes", "quota_bytes", "lost")}
 
 
-def _shelf_row(shelf: Shelf | None) -> Report:
-    return {"count": len(shelf) if shelf else 0, "size_bytes": shelf.size_bytes if shelf else 0}
+def _shelf_row(recordings: RecordingStore | None) -> Report:
+    return {"count": len(recordings) if recordings else 0, "size_bytes": recordings.size_bytes if recordings else 0}
 
 
 def _left_box(folder: Path) -> Report:

@@ -1,1 +1,1 @@
-"""What the robot is to be, as its gateway says: kept, applied, confirmed or taken back, and reported."""
+"""The robot's digital twin: the desired document is stored, applied, confirmed or rolled back, and reported."""

@@ -1,4 +1,4 @@
-"""Makes the robot live by a document: nodes, topics, budget, parameters, lifecycle, agent.
+"""Applies a twin document to the robot: nodes, topics, budget, parameters, lifecycle, agent.
 
 Nodes come first: they alone can say no, and then nothing has changed. A section that is absent is as the robot's own
 settings have it.
@@ -10,14 +10,14 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from edge_agent.channels import Channels
-from edge_agent.topics import TopicTable
-from edge_agent.twin.parts import AgentVersion, NodeTable
-from edge_agent.twin.topics import TwinTable
-from edge_agent.twin.values import NodeValues
-from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.link.byte_budget_override import UplinkLimit
+from edge_agent.twin.node_reconciler import NodeReconciler
+from edge_agent.twin.targets import AgentVersion, NodeTable
+from edge_agent.twin.topic_table import TwinTopicTable
 from metaros.errors import MetarosError
-from metaros.twin import Twin, parse
+from metaros.fleet.twin import Twin, parse
 
 __all__ = ["Applier", "table_of"]
 
@@ -26,11 +26,11 @@ LOG = logging.getLogger("metaros.agent.twin")
 
 def table_of(own: TopicTable, twin: Twin, *, namespace: str) -> TopicTable:
     """The topic table under a twin. Raises NameError_ for a pattern that is too long."""
-    return own if twin.topics is None else TwinTable(own, twin.topics, namespace=namespace)
+    return own if twin.topics is None else TwinTopicTable(own, twin.topics, namespace=namespace)
 
 
 class Applier:
-    """The robot's parts, and what they are now told. On the event loop."""
+    """Hands the document's sections to the agent's parts. On the event loop."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Applier:
         channels: Channels,
         look_again: Callable[[], None],
         limit: UplinkLimit,
-        values: NodeValues,
+        values: NodeReconciler,
         nodes: NodeTable,
         agent: AgentVersion,
     ) -> None:
@@ -57,12 +57,12 @@ class Applier:
         self._troubles: dict[str, str] = {}  # by section
 
     def check(self, document: bytes) -> Twin:
-        """The document, if it can be lived by as far as one can tell. Raises UsageError."""
+        """The parsed document, if it can be applied as far as is known beforehand. Raises UsageError."""
         twin = parse(document)
         table_of(self._own, twin, namespace=self._namespace)
         return twin
 
-    async def live(self, document: bytes, *, trial: bool, known: bool = True) -> None:
+    async def apply(self, document: bytes, *, trial: bool, known: bool = True) -> None:
         """From now on. On trial a refusal is raised before anything changed; else as much is done as can be.
 
         Where no twin is `known` yet, or none any more, nodes that run go on.
@@ -100,7 +100,9 @@ class Applier:
             "budget": {"bytes_per_s": self._limit.bytes_per_s},
         }
         if self._kept:
-            self._troubles["topics"] = f"no room for more channels: {', '.join(self._kept)[:1000]} stay in their class"
+            self._troubles["topics"] = (
+                f"the table of channels is full: {', '.join(self._kept)[:1000]} stay in their class"
+            )
         if self._troubles:
             report["troubles"] = dict(self._troubles)
         return report

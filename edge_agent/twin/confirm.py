@@ -1,9 +1,9 @@
 """Commit-confirmed: a new document is tried, and kept only when the gateway says so over a link that lives with it.
 
-Sans I/O: what happened goes in, what is to be done comes out, in order. The shell does it: `Keep` puts the record on
-the disk, and nothing after it is done where that fails (`not_kept`); `Live` makes the robot live by a version; `Tell`
-reports. Whatever comes in which order, and wherever the process dies, the robot ends with a document that was
-confirmed. A revision is tried once: after it was taken back it stays so until another comes.
+Sans I/O: what happened goes in, what is to be done comes out, in order. The shell does it: `Persist` puts the record on
+the disk, and nothing after it is done where that fails (`persist_failed`); `Apply` puts a version into force; `Report`
+sends a report to the gateway. Whatever comes in which order, and wherever the process dies, the robot ends with a
+document that was confirmed. A revision is tried once: after it was taken back it stays so until another comes.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from typing import Literal
 from edge_agent.twin.record import Pending, Record, Version
 from metaros.clock import Clock
 from metaros.errors import UsageError
+from metaros.fleet.twin import parse, read
 from metaros.limits import LIMITS, Limits
-from metaros.twin import parse, read
 
-__all__ = ["Action", "Confirm", "Keep", "Live", "State", "Tell", "risky"]
+__all__ = ["Action", "Apply", "CommitConfirm", "Persist", "Report", "State", "risky"]
 
 RETRY_S = 1.0  # between tries to put on the disk what must be there
 AGAIN_S = 10.0  # until a version that the disk did not take is tried again
@@ -29,25 +29,25 @@ State = Literal["applied", "applying", "confirming", "reverted", "refused"]
 
 
 @dataclass(frozen=True, slots=True)
-class Keep:
+class Persist:
     """Put the record on the disk, at once or not at all."""
 
     record: Record
 
 
 @dataclass(frozen=True, slots=True)
-class Live:
-    """Live by this version from now on; then call `lived`, or `failed`."""
+class Apply:
+    """Put this version into force; then call `applied`, or `apply_failed`."""
 
     version: Version
 
 
 @dataclass(frozen=True, slots=True)
-class Tell:
-    """Tell the gateway how it stands, even where nothing changed."""
+class Report:
+    """Report how it stands, even where nothing changed."""
 
 
-Action = Keep | Live | Tell
+Action = Persist | Apply | Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class _Broken:
     again_s: float
 
 
-class Confirm:
+class CommitConfirm:
     """The state of one agent process. `record` is what was on the disk when it began."""
 
     def __init__(
@@ -80,7 +80,7 @@ class Confirm:
         self._check = check
         self._record = self._on_disk = record
         self._up_s = math.inf  # since when the link is up
-        self._lived_s = math.inf  # since when the robot lives by what is on trial
+        self._lived_s = math.inf  # since when what is on trial is in force
         self._settle_s = 0.0
         self._asked = False  # whether the gateway was asked, over this link, to confirm
         self._granted = False  # it did; what is left is the disk
@@ -94,8 +94,8 @@ class Confirm:
         return self._record
 
     @property
-    def lives_by(self) -> Version:
-        """The version that the robot lives by, or is about to."""
+    def active_version(self) -> Version:
+        """The version that is in force, or is being applied."""
         pending = self._record.pending
         return pending.version if pending is not None else self._record.applied
 
@@ -113,8 +113,8 @@ class Confirm:
         """Code and message of what was reverted or refused."""
         if self._record.pending is not None:
             return "", ""
-        told = self._broken or self._record
-        return told.code, told.message
+        record = self._broken or self._record
+        return record.code, record.message
 
     @property
     def revision(self) -> int:
@@ -127,7 +127,7 @@ class Confirm:
         """The process begins: a version on trial goes on only in the same run of the system, within its window."""
         pending = self._record.pending
         if pending is None:
-            return [Live(self._record.applied)]
+            return [Apply(self._record.applied)]
         left_s = pending.until_s - self._clock.monotonic_s()
         same = bool(self._boot_id) and pending.boot_id == self._boot_id
         if same and 0 < left_s <= self._limits.twin_window_most_s:
@@ -135,9 +135,9 @@ class Confirm:
         return self._back("not_confirmed", "the agent was started again after the window, or nobody knows when it was")
 
     def desired(self, revision: int, sha256: bytes, document: bytes, window_s: float) -> list[Action]:
-        """The gateway says what the robot is to be, and how long it may take to be told to keep it; 0: the usual."""
+        """The gateway says what the robot is to be, and how long the confirmation may take; 0: the usual."""
         if revision <= self._record.seen:
-            return [Tell()]  # an old one, or one that was tried
+            return [Report()]  # an old one, or one that was tried
         self._broken = None
         try:
             if hashlib.sha256(document).digest() != sha256:
@@ -151,18 +151,18 @@ class Confirm:
         version = Version(revision=revision, document=document)
         until_s = self._clock.monotonic_s() + window_s
         pending = Pending(version=version, until_s=until_s, boot_id=self._boot_id)
-        before = self.lives_by
+        before = self.active_version
         self._record = Record(applied=self._record.applied, pending=pending, seen=revision)
-        return [Keep(self._record), *self._try(pending, before)]
+        return [Persist(self._record), *self._try(pending, before)]
 
-    def lived(self) -> list[Action]:
-        """A `Live` is done."""
+    def applied(self) -> list[Action]:
+        """A `Apply` is done."""
         if self._record.pending is not None:
             self._lived_s = self._clock.monotonic_s()
         return self.tick()
 
-    def failed(self, code: str, message: str) -> list[Action]:
-        """A `Live` could not be done."""
+    def apply_failed(self, code: str, message: str) -> list[Action]:
+        """A `Apply` could not be done."""
         if self._record.pending is None:
             return []
         return self._back(code, message, undone="refused")
@@ -181,7 +181,7 @@ class Confirm:
         """The link came up, or is down."""
         self._up_s = self._clock.monotonic_s() if up else math.inf
         self._asked = False
-        return [*self.tick(), Tell()] if up else []
+        return [*self.tick(), Report()] if up else []
 
     def tick(self) -> list[Action]:
         """Time has passed; call after `wait_s`."""
@@ -195,7 +195,7 @@ class Confirm:
             return self.desired(version.revision, version.sha256, version.document, broken.window_s)
         if pending is not None and not self._asked and now_s >= self._ready_s():
             self._asked = True
-            return [Tell()]
+            return [Report()]
         return []
 
     def wait_s(self) -> float | None:
@@ -208,27 +208,27 @@ class Confirm:
         nearest_s = min(due)
         return None if nearest_s == math.inf else max(0.0, nearest_s - self._clock.monotonic_s())
 
-    def kept(self, record: Record) -> None:
-        """A `Keep` is done."""
+    def persisted(self, record: Record) -> None:
+        """A `Persist` is done."""
         self._on_disk = record
 
-    def not_kept(self, code: str, message: str) -> list[Action]:
-        """A `Keep` failed: what was on the disk still is."""
+    def persist_failed(self, code: str, message: str) -> list[Action]:
+        """A `Persist` failed: what was on the disk still is."""
         wanted, now_s = self._record, self._clock.monotonic_s()
         if self._granted:
             self._record, self._retry_s = self._on_disk, now_s + RETRY_S  # on trial still, until the window ends
             return []
         if wanted.pending is None:
             self._retry_s = now_s + RETRY_S  # the robot has gone back, or never went: the disk learns it later
-            return [Tell()]
+            return [Report()]
         self._broken = _Broken(wanted.pending, self._window_s, code, message, now_s + AGAIN_S)
         self._lived_s = math.inf
         before, self._record = self._on_disk.pending, replace(self._on_disk, pending=None)
         if before is None:
-            return [Tell()]
+            return [Report()]
         self._retry_s = now_s + RETRY_S  # what was on trial until now is not wanted any more
         self._record = replace(self._record, undone="reverted", code=code, message=message)
-        return [Live(self._record.applied), Tell()]
+        return [Apply(self._record.applied), Report()]
 
     # -- what is to be done -----------------------------------------------------------------------------------------
 
@@ -240,7 +240,7 @@ class Confirm:
             before.document, pending.version.document
         )
         self._settle_s = min(self._limits.twin_settle_s, left_s / 4) if harm else 0.0
-        return [Live(pending.version), Tell()]
+        return [Apply(pending.version), Report()]
 
     def _ready_s(self) -> float:
         """When the link has lived long enough with what is on trial; infinite while it is down."""
@@ -251,7 +251,7 @@ class Confirm:
         assert pending is not None
         self._record = Record(applied=pending.version, seen=self._record.seen)
         self._retry_s = math.inf
-        return [Keep(self._record), Tell()]
+        return [Persist(self._record), Report()]
 
     def _refuse(self, revision: int, code: str, message: str) -> list[Action]:
         """It is not tried; what was on trial before it is not wanted any more."""
@@ -268,11 +268,11 @@ class Confirm:
         )
         self._asked = self._granted = False
         self._lived_s = math.inf
-        return [Live(applied), *self._write()]
+        return [Apply(applied), *self._write()]
 
     def _write(self) -> list[Action]:
         self._retry_s = math.inf
-        return [Keep(self._record), Tell()]
+        return [Persist(self._record), Report()]
 
 
 def risky(before: bytes, after: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""What a node's parameters and state were before the twin changed them, so that taking it back really does.
+"""Parameters and lifecycle states of nodes before the twin changed them, so that a rollback restores them.
 
 Kept on disk before the first change, as a crash must not make the twin's values look like the node's own. They are
 good for one life of the node: started again it has the values of its own start.
@@ -15,14 +15,14 @@ from edge_agent.errors import DiskError
 from edge_agent.outbox import Disk
 from metaros.limits import LIMITS
 
-__all__ = ["Original", "Originals"]
+__all__ = ["InitialValues", "NodeInitialValues"]
 
 FILE: Final = "twin/originals.json"
 
 
 @dataclass(slots=True)
-class Original:
-    """One node's, of one life."""
+class NodeInitialValues:
+    """The initial values of one run of a node."""
 
     life: str
     parameters: dict[str, Any] = field(default_factory=dict)
@@ -30,29 +30,29 @@ class Original:
     guessed: bool = False  # taken over from the life before: what is not the twin's now is the node's own
 
 
-class Originals:
-    """Those of all nodes. Reading never fails: what cannot be read is not known."""
+class InitialValues:
+    """The initial values of all nodes. Reading never fails: what cannot be read is not known."""
 
     def __init__(self, disk: Disk) -> None:
         self._disk = disk
-        self.nodes: dict[str, Original] = {}
+        self.nodes: dict[str, NodeInitialValues] = {}
         self._turn = asyncio.Lock()
         self._kept = b"{}"
         try:
             size = self._disk.size(FILE)
             rows = json.loads(self._disk.read(FILE, 0, size)) if 0 < size <= LIMITS.twin_originals_bytes else {}
             self.nodes = {
-                str(node): Original(str(row["life"]), dict(row["parameters"]), str(row["lifecycle"]))
+                str(node): NodeInitialValues(str(row["life"]), dict(row["parameters"]), str(row["lifecycle"]))
                 for node, row in rows.items()
             }
         except (DiskError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             self.nodes = {}
 
-    def of(self, node: str, life: str) -> Original:
+    def of(self, node: str, life: str) -> NodeInitialValues:
         """That of a node's life; an empty one, and the one of an earlier life forgotten."""
         known = self.nodes.get(node)
         if known is None or known.life != life:
-            known = self.nodes[node] = Original(life)
+            known = self.nodes[node] = NodeInitialValues(life)
         return known
 
     async def keep(self) -> None:

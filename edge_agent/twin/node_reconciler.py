@@ -1,4 +1,4 @@
-"""Parameters and lifecycle states of the robot's other nodes, brought to what the twin wants of them.
+"""Reconciles parameters and lifecycle states of the robot's other nodes with the twin.
 
 A node that is not there yet is seen to when it comes, and again after each of its starts. What a node refuses is
 reported by name and not asked again in the same life of the node; a node that does not answer is asked again. What the
@@ -14,16 +14,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from edge_agent.errors import DiskError
-from edge_agent.scope import Scope
+from edge_agent.forwarding.scope import Scope
+from edge_agent.twin.initial_values import InitialValues, NodeInitialValues
 from edge_agent.twin.lifecycle import next_step
-from edge_agent.twin.originals import Original, Originals
 from edge_agent.twin.services import NodeServices
 from metaros.errors import MetarosError, ParameterError, UnavailableError
 from metaros.limits import LIMITS
 from metaros.node.parameters import SetResult
 from metaros.node.parameters.values import fit, infer, kind_of
 
-__all__ = ["NodeValues"]
+__all__ = ["NodeReconciler"]
 
 LOG = logging.getLogger("metaros.agent.twin")
 RETRY_S: Final = 5.0
@@ -51,14 +51,14 @@ class _Node:
         return self.parameters is None and not self.lifecycle
 
 
-class NodeValues:
-    """`want` says what; `run` sees to it. On the event loop."""
+class NodeReconciler:
+    """`want` sets the desired state; `run` reconciles. On the event loop."""
 
-    def __init__(self, services: NodeServices, scope: Scope, originals: Originals) -> None:
+    def __init__(self, services: NodeServices, scope: Scope, initial_values: InitialValues) -> None:
         self.changed: Callable[[], object] = lambda: None
         self._services = services
         self._scope = scope
-        self._originals = originals
+        self._initial_values = initial_values
         self._nodes: dict[str, _Node] = {}
         self._wake = asyncio.Event()
         self._turns = asyncio.Semaphore(LIMITS.twin_services_at_once)
@@ -72,7 +72,7 @@ class NodeValues:
             wanted.setdefault(self._full(name), _Node()).parameters = values
         for name, state in (lifecycle or {}).items():
             wanted.setdefault(self._full(name), _Node()).lifecycle = state
-        for name in self._originals.nodes:
+        for name in self._initial_values.nodes:
             wanted.setdefault(name, _Node())
         for name, node in wanted.items():
             known = self._nodes.get(name)
@@ -145,17 +145,17 @@ class NodeValues:
 
     async def _see_to(self, name: str, node: _Node, life: str) -> None:
         """One node, once."""
-        original = self._originals.of(name, life)
+        original = self._initial_values.of(name, life)
         try:
             async with self._turns:
                 node.values, node.refused = {}, {}
                 await self._parameters(name, node, original)
                 await self._lifecycle(name, node, original)
             self._same_life(name, original)
-            await self._originals.keep()
+            await self._initial_values.keep()
             node.done, node.life, node.trouble = True, life, ""
             if node.idle and not (original.parameters or original.lifecycle):
-                self._originals.nodes.pop(name, None)
+                self._initial_values.nodes.pop(name, None)
         except MetarosError as error:
             node.done, node.trouble = False, str(error)
             node.again = (life, asyncio.get_running_loop().time() + RETRY_S)
@@ -168,7 +168,7 @@ class NodeValues:
         if node.done or self._nodes.get(name) is not node:
             self._wake.set()  # something else may be wanted of it by now
 
-    async def _parameters(self, name: str, node: _Node, original: Original) -> None:
+    async def _parameters(self, name: str, node: _Node, original: NodeInitialValues) -> None:
         wanted = node.parameters or {}
         back = [key for key in original.parameters if key not in wanted]
         if not wanted and not back:
@@ -198,32 +198,32 @@ class NodeValues:
             for key in back:  # as it was, or as far as the node lets it
                 original.parameters.pop(key, None)
 
-    def _same_life(self, name: str, original: Original) -> None:
+    def _same_life(self, name: str, original: NodeInitialValues) -> None:
         """A node that was started again meanwhile may have been changed in either life: the next one has the values
         of the same start, so that what is known of them goes on.
         """
         life = self._services.lives().get(name, "")
         if life and life != original.life:
-            self._originals.nodes[name] = replace(original, life=life, guessed=True)
+            self._initial_values.nodes[name] = replace(original, life=life, guessed=True)
             raise UnavailableError(f"{name} was started again meanwhile")
 
-    async def _keep(self, original: Original, fresh: set[str]) -> None:
+    async def _keep(self, original: NodeInitialValues, fresh: set[str]) -> None:
         """Before the first change."""
         try:
-            await self._originals.keep()
+            await self._initial_values.keep()
         except DiskError:
             for key in fresh:
                 original.parameters.pop(key, None)
             raise
 
-    async def _lifecycle(self, name: str, node: _Node, original: Original) -> None:
+    async def _lifecycle(self, name: str, node: _Node, original: NodeInitialValues) -> None:
         goal = node.lifecycle or original.lifecycle
         if not goal:
             return
         node.state = await self._services.state(name)
         if node.lifecycle and not original.lifecycle:
             original.lifecycle = node.state
-            await self._originals.keep()
+            await self._initial_values.keep()
         for _ in range(STEPS):
             step = next_step(node.state, goal)
             if step is None:

@@ -1,4 +1,4 @@
-"""What an agent must not forget of its twin: one record, so that no crash can leave a mixture of two documents."""
+"""The twin's persistent record: a single file, so that no crash can leave a mixture of two documents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The frame that says how the robot stands: sent when something changed, not too often, and once on every link."""
+"""The twin's reported state: sent when something changed, rate-limited, and once on every link."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
-from edge_agent.twin.confirm import Confirm
-from edge_agent.uplink.desk import Tell
+from edge_agent.link.handler import SendFrame
+from edge_agent.twin.confirm import CommitConfirm
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -24,34 +24,34 @@ class Reporter:
     """Makes and sends reports. `reported` is what is really so, as a JSON object."""
 
     def __init__(
-        self, confirm: Confirm, reported: Callable[[], dict[str, Any]], clock: Clock, *, limits: Limits = LIMITS
+        self, confirm: CommitConfirm, reported: Callable[[], dict[str, Any]], clock: Clock, *, limits: Limits = LIMITS
     ) -> None:
         self._confirm = confirm
         self._reported = reported
         self._clock = clock
         self._limits = limits
-        self._tell: Tell | None = None
+        self._send_frame: SendFrame | None = None
         self._last: bytes = b""
         self._next_s = -math.inf
         self._look_s = -math.inf
         self._asked = self._stirred = False
 
-    def link(self, tell: Tell | None) -> None:
+    def link(self, send: SendFrame | None) -> None:
         """Another link, or none."""
-        self._tell, self._last, self._next_s = tell, b"", -math.inf
-        self._asked = tell is not None
+        self._send_frame, self._last, self._next_s = send, b"", -math.inf
+        self._asked = send is not None
 
     def ask(self) -> None:
         """Send one soon, even where nothing changed."""
         self._asked = True
 
-    def stir(self) -> None:
+    def mark_changed(self) -> None:
         """Something may have changed."""
         self._stirred = True
 
     def wait_s(self) -> float | None:
         """Seconds until `send` may have something to do; None: there is no link."""
-        if self._tell is None:
+        if self._send_frame is None:
             return None
         due_s = self._next_s if self._asked or self._stirred else max(self._next_s, self._look_s)
         return max(0.0, due_s - self._clock.monotonic_s())
@@ -59,7 +59,7 @@ class Reporter:
     def send(self) -> bool:
         """Send what is due; whether something was."""
         now_s = self._clock.monotonic_s()
-        if self._tell is None or now_s < self._next_s:
+        if self._send_frame is None or now_s < self._next_s:
             return False
         if not (self._asked or self._stirred or now_s >= self._look_s):
             return False
@@ -70,7 +70,7 @@ class Reporter:
         self._look_s = now_s + LOOK_S
         if due:
             self._last, self._next_s = data, now_s + self._limits.twin_report_s
-            self._tell(link_pb2.AgentFrame(twin=report))
+            self._send_frame(link_pb2.AgentFrame(twin=report))
         return due
 
     def report(self) -> link_pb2.TwinReport:
@@ -79,11 +79,11 @@ class Reporter:
         code, message = confirm.why
         return link_pb2.TwinReport(
             revision=confirm.revision,
-            applied=confirm.lives_by.revision,
+            applied=confirm.active_version.revision,
             state=confirm.state,
             code=code,
             message=message[:MESSAGE_CHARS],
-            sha256=confirm.lives_by.sha256,
+            sha256=confirm.active_version.sha256,
             reported=bounded(self._reported(), self._limits.twin_reported_bytes),
         )
 

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
-from edge_agent.scope import Scope
+from edge_agent.forwarding.scope import Scope
 from metaros.idl import message_class
 from metaros.node import Node
 from metaros.node.parameters import ParameterClient, SetResult

@@ -6,40 +6,40 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.byte_budget_override import UplinkLimit
 from edge_agent.outbox import Disk
-from edge_agent.scope import Scope
-from edge_agent.topics import TopicTable
 from edge_agent.twin.apply import Applier, table_of
-from edge_agent.twin.confirm import Action, Confirm
-from edge_agent.twin.desk import TwinDesk
-from edge_agent.twin.originals import Originals
-from edge_agent.twin.parts import AgentVersion, NodeTable
+from edge_agent.twin.confirm import Action, CommitConfirm
+from edge_agent.twin.initial_values import InitialValues
+from edge_agent.twin.manager import TwinManager
+from edge_agent.twin.node_reconciler import NodeReconciler
 from edge_agent.twin.services import NodeServices
 from edge_agent.twin.state import TwinFile
-from edge_agent.twin.values import NodeValues
-from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.twin.targets import AgentVersion, NodeTable
 from metaros.clock import Clock
 from metaros.errors import UsageError
+from metaros.fleet.twin import Twin, parse
 from metaros.limits import LIMITS, Limits
-from metaros.twin import Twin, parse
 
 if TYPE_CHECKING:
-    from edge_agent.channels import Channels
+    from edge_agent.forwarding.channels import Channels
 
 __all__ = ["TwinStart", "open_twin"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinStart:
-    """What the robot is to live by when its agent begins, before there is any part to tell."""
+    """The document in force when the agent starts, before any of its parts exist."""
 
-    confirm: Confirm
+    confirm: CommitConfirm
     file: TwinFile
     actions: list[Action]
     own: TopicTable
     table: TopicTable
     namespace: str
-    originals: Originals
+    initial_values: InitialValues
     limits: Limits
 
     def build(
@@ -53,9 +53,9 @@ class TwinStart:
         limit: UplinkLimit,
         nodes: NodeTable,
         agent: AgentVersion,
-    ) -> tuple[TwinDesk, NodeValues]:
-        """The desk, and what sees to other nodes; both are to be run."""
-        values = NodeValues(services, scope, self.originals)
+    ) -> tuple[TwinManager, NodeReconciler]:
+        """The manager, and the reconciler of other nodes; both are to be run."""
+        values = NodeReconciler(services, scope, self.initial_values)
         applier = Applier(
             self.own,
             namespace=self.namespace,
@@ -66,9 +66,9 @@ class TwinStart:
             nodes=nodes,
             agent=agent,
         )
-        desk = TwinDesk(self.confirm, self.file, applier, clock, limits=self.limits)
-        values.changed = nodes.changed = agent.changed = desk.stir
-        return desk, values
+        manager = TwinManager(self.confirm, self.file, applier, clock, limits=self.limits)
+        values.changed = nodes.changed = agent.changed = manager.mark_changed
+        return manager, values
 
 
 def open_twin(
@@ -82,10 +82,10 @@ def open_twin(
         table_of(own, twin, namespace=namespace)
         return twin
 
-    confirm = Confirm(file.load(), clock, boot_id=boot_id, limits=limits, check=check)
+    confirm = CommitConfirm(file.load(), clock, boot_id=boot_id, limits=limits, check=check)
     actions = confirm.start()
     try:
-        table = table_of(own, check(confirm.lives_by.document), namespace=namespace)
+        table = table_of(own, check(confirm.active_version.document), namespace=namespace)
     except UsageError:
         table = own
     return TwinStart(
@@ -95,6 +95,6 @@ def open_twin(
         own=own,
         table=table,
         namespace=namespace,
-        originals=Originals(disk),
+        initial_values=InitialValues(disk),
         limits=limits,
     )

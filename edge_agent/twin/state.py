@@ -2,7 +2,7 @@
 
 What is on trial and what was confirmed before it stand in the same file, so that whatever moment the power goes, the
 next process reads one whole record, the old or the new. A file that cannot be read is no reason to stop a robot: it
-then lives by its own settings, and the gateway, told revision 0, says again what it is to be.
+then uses its own settings, and the gateway, seeing revision 0, sends the document again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 from edge_agent.outbox import Disk
 from edge_agent.twin.record import OWN, Pending, Record, Version
 from metaros.errors import UsageError
-from metaros.twin import MAX_BYTES, parse
+from metaros.fleet.twin import MAX_BYTES, parse
 
 __all__ = ["FILE", "TwinFile"]
 
@@ -40,7 +40,7 @@ class TwinFile:
                 raise ValueError("too long")
             record = read_record(json.loads(self._disk.read(FILE, 0, size)))
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            LOG.error("%s is damaged (%s): the robot lives by its own settings", FILE, error)
+            LOG.error("%s is damaged (%s): the robot's own settings hold", FILE, error)
             return Record()
         return usable(record)
 
@@ -95,15 +95,15 @@ def read_version(table: dict[str, Any]) -> Version:
 def usable(record: Record) -> Record:
     """The record without what this agent does not take: it may be older than the one that wrote it."""
     pending, applied, seen = record.pending, record.applied, record.seen
-    told = {"undone": record.undone, "code": record.code, "message": record.message}
+    outcome = {"undone": record.undone, "code": record.code, "message": record.message}
     for version in filter(None, (pending.version if pending else None, applied)):
         try:
             parse(version.document)
         except UsageError as error:
             LOG.error("revision %d of the twin cannot be used by this agent: %s", version.revision, error)
-            told = {"undone": "refused", "code": error.code, "message": str(error)}
+            outcome = {"undone": "refused", "code": error.code, "message": str(error)}
             if version is applied:
                 applied = OWN
             else:
                 pending = None
-    return Record(applied=applied, pending=pending, seen=seen, **told)
+    return Record(applied=applied, pending=pending, seen=seen, **outcome)

@@ -1,4 +1,4 @@
-"""What a twin's sections are handed to: the robot's nodes and its agent's version, as far as the twin cares."""
+"""Interfaces that a twin's sections are applied to: the robot's nodes, and its agent's version."""
 
 from __future__ import annotations
 

@@ -11,22 +11,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from metaros.fleet.twin import TopicSpec
 from metaros.idl.globs import Glob
-from metaros.twin import TopicWanted
 
-__all__ = ["TwinTable"]
+__all__ = ["TwinTopicTable"]
 
 KEYS: Final = ("forward", "fields", "metrics_rate_hz", "deadband", "deadband_max_s", "history_hz", "latest_only")
 
 
-class TwinTable(TopicTable):
+class TwinTopicTable(TopicTable):
     """The robot's own table below the twin's rows; patterns are relative to `namespace` unless they begin with / or **.
 
     Raises NameError_ for a pattern that is too long with the namespace before it.
     """
 
-    def __init__(self, own: TopicTable, rows: Sequence[TopicWanted], *, namespace: str) -> None:
+    def __init__(self, own: TopicTable, rows: Sequence[TopicSpec], *, namespace: str) -> None:
         super().__init__(())
         self._own = own
         self._wanted = tuple((Glob(absolute(row.pattern, namespace)), row) for row in rows)
@@ -43,16 +43,16 @@ def absolute(pattern: str, namespace: str) -> str:
     return pattern if pattern.startswith(("/", "**")) else f"{namespace.rstrip('/')}/{pattern}"
 
 
-def laid_over(own: TopicRule, row: TopicWanted) -> TopicRule:
+def laid_over(own: TopicRule, row: TopicSpec) -> TopicRule:
     """The robot's own row with what the twin's gives."""
-    told: dict[str, Any] = {key: getattr(row, key) for key in KEYS if key in row.given}
+    fields: dict[str, Any] = {key: getattr(row, key) for key in KEYS if key in row.given}
     if "class" in row.given:
-        told["delivery"] = row.delivery
+        fields["delivery"] = row.delivery
     if "rate_hz" in row.given:
-        told["max_rate_hz"] = row.rate_hz
+        fields["max_rate_hz"] = row.rate_hz
     if own.sealed:
-        told.pop("fields", None)
-    rule = replace(own, **told)
+        fields.pop("fields", None)
+    rule = replace(own, **fields)
     if rule.history_hz and (rule.delivery in ("event", "bulk") or not rule.forward):
         rule = replace(rule, history_hz=0.0)
     if rule.latest_only and rule.delivery == "event":

@@ -1,7 +1,7 @@
 """A fetched bundle into a folder: member by member, each read back from the disk and compared with what was signed.
 
 The bundle lay on the disk since it was checked, so its own hash is taken again first. Names and sizes are judged by
-`metaros.bundle` before anything is written; nothing is extracted that it does not know.
+`metaros.fleet.bundle` before anything is written; nothing is extracted that it does not know.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tuf.api.exceptions import LengthOrHashMismatchError
 
 from edge_agent.update.errors import SlotError, UpdateForeignError, UpdateMetadataError, UpdateMismatchError
 from edge_agent.update.repository import Fetched
-from metaros.bundle import BundleError, Manifest, read_bundle
+from metaros.fleet.bundle import BundleError, Manifest, read_bundle
 from metaros.limits import LIMITS
 
 __all__ = ["check_target", "unpack"]

@@ -1,4 +1,4 @@
-"""Why an update was not made. What ran before still runs; every leaf has a stable `code` that the gateway is told.
+"""Why an update was not made. What ran before still runs; every leaf has a stable `code` for the gateway.
 
 UpdateError
 ├── UpdateFetchError       the gateway does not give it; tried again          update_fetch
@@ -10,7 +10,7 @@ UpdateError
 ├── UpdateMismatchError    other bytes than were signed                       update_mismatch
 ├── UpdateMetadataError    signed files that do not fit together              update_metadata
 ├── UpdateUnknownError     no such version is signed for this robot           update_unknown
-├── UpdateFloorError       a version below the floor                          update_floor
+├── UpdateFloorError       a version below the minimum                        update_floor
 ├── UpdateForeignError     for another machine, Python or name                update_foreign
 ├── UpdateInstallError     its wheels cannot be installed                     update_install
 ├── UpdateUnhealthyError   it ran, and was taken back                         update_unhealthy

@@ -30,18 +30,18 @@ from tuf.api.exceptions import (
 )
 from tuf.ngclient import FetcherInterface
 
-from edge_agent.identity.door import is_loopback
+from edge_agent.identity.gateway_http import is_loopback
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["Patience", "RobotFetcher"]
+__all__ = ["RobotFetcher", "TransferLimits"]
 
 PIECE_BYTES = 64 * 1024
 PARTS_KEPT = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patience:
+class TransferLimits:
     """How slow a gateway may be: seconds to an answer's head, and the least that comes in a span after it."""
 
     head_s: float = 30.0
@@ -59,13 +59,13 @@ class RobotFetcher(FetcherInterface):
         parts: Path,
         clock: Clock,
         *,
-        patience: Patience | None = None,
+        patience: TransferLimits | None = None,
     ) -> None:
         self._tls = tls
         self._token = token
         self._parts = parts
         self._clock = clock
-        self._patience = patience or Patience()
+        self._patience = patience or TransferLimits()
 
     def _fetch(self, url: str) -> Iterator[bytes]:
         with self._answer(url, 0) as (response, _):

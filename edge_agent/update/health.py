@@ -1,4 +1,4 @@
-"""Whether a new agent does well: pure, told what happens and asked when.
+"""Health check of a new agent version. Pure: link events and the time in, a verdict out.
 
 It is healthy once it has been linked to a gateway, and confirmed by it, for the whole of a window without a break. A
 link that breaks begins the window anew. Who has not got there in its time is unhealthy.

@@ -16,16 +16,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from edge_agent.state_dir import default_state_dir
+from edge_agent.state.state_dir import default_state_dir
 from edge_agent.update.environment import BASE_PYTHON, BASE_SITE, base_places
-from edge_agent.update.handover import AGAIN, LOADED
+from edge_agent.update.restart import LOADER_ENV, RESTART_EXIT_CODE
 from edge_agent.update.slots import BASE, Current, Slots, python_of
 from metaros.clock import Clock, SystemClock
+from metaros.concurrency.file_lock import take_lock
+from metaros.concurrency.signals import StopEvent, stop_signals
 from metaros.errors import ConfigError
-from metaros.file_lock import take_lock
 from metaros.limits import LIMITS
-from metaros.signals import StopEvent, stop_signals
-from metaros.supervise import guard
+from metaros.supervise import parent_death
 
 __all__ = ["Loader", "state_dir_of"]
 
@@ -43,7 +43,7 @@ def state_dir_of(name: str | None, state_dir: Path | None, config: Path | None) 
     """
     table = {}
     if config is not None:
-        from edge_agent.config import read_toml
+        from edge_agent.config.settings import read_toml
 
         table = read_toml(config)
     if state_dir is None and isinstance(table.get("state_dir"), str):
@@ -52,7 +52,7 @@ def state_dir_of(name: str | None, state_dir: Path | None, config: Path | None) 
         return state_dir.absolute()
     name = name or (table["name"] if isinstance(table.get("name"), str) else "")
     if not name:
-        from edge_agent.config import sanitised_hostname
+        from edge_agent.config.settings import sanitised_hostname
 
         name = sanitised_hostname()
     return default_state_dir(name)
@@ -97,12 +97,12 @@ class Loader:
         return [str(python_of(slots.path(current.slot))), "-I", "-m", "metaros", "agent", *self.arguments]
 
     def environment(self, current: Current, *, watcher: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
-        """What the agent is told."""
+        """The environment of the agent that is started."""
         loader = [sys.executable, "-P", "-m", "metaros", "agent-slot", *self._options(), "--", *self.arguments]
         table = {"loader": loader, "watcher": watcher, "health_s": self.health_s, "link_s": self.link_s}
         return {
             **environ,
-            LOADED: json.dumps(table),
+            LOADER_ENV: json.dumps(table),
             BASE_PYTHON: sys.executable,
             BASE_SITE: os.pathsep.join(base_places()),
         }
@@ -119,12 +119,12 @@ class Loader:
             now = slots.read()
             if now.probing and now.slot == current.slot and clock.monotonic_s() > end_s:
                 child.end()
-                slots.back(now, "it hung: it was neither kept nor taken back in its time")
+                slots.roll_back(now, "it hung: it was neither kept nor taken back in its time")
                 return None
         if stop.is_set():
-            slots.uncount()
+            slots.uncount_boot()
             return code
-        if code == AGAIN or (slots.read().probing and not stop.wait(PAUSE_S)):
+        if code == RESTART_EXIT_CODE or (slots.read().probing and not stop.wait(PAUSE_S)):
             return None
         return code
 
@@ -147,7 +147,9 @@ class _Child:
         import signal
 
         self._stop = stop
-        before = [] if sys.platform != "linux" else [sys.executable, "-I", "-S", guard.__file__, str(os.getpid())]
+        before = (
+            [] if sys.platform != "linux" else [sys.executable, "-I", "-S", parent_death.__file__, str(os.getpid())]
+        )
         for number in stop_signals(hangup=True):
             signal.signal(number, lambda *_: stop.set())
         self._popen = subprocess.Popen([*before, *argv], env=dict(environ), stdin=subprocess.DEVNULL)

@@ -1,6 +1,6 @@
-"""The floor: by name, the least version that may ever be installed again. It only rises.
+"""Rollback protection: by name, the minimum version that may still be installed. It only rises.
 
-A signed bundle says which floor it brings (`min_version`); it counts once that bundle runs well. So nobody who comes to
+A signed bundle says which minimum it sets (`min_version`); it counts once that bundle runs well. So nobody who comes to
 hold old signed files, and no gateway, can put a version with a known hole back on a robot.
 """
 
@@ -10,21 +10,21 @@ from pathlib import Path
 
 from edge_agent.update.errors import UpdateFloorError
 from edge_agent.update.files import read_table, replace_table
-from metaros.bundle import BundleError, version_key
+from metaros.fleet.bundle import BundleError, version_key
 
-__all__ = ["Floor"]
+__all__ = ["MinimumVersions"]
 
 NAMES = 1024
 
 
-class Floor:
+class MinimumVersions:
     """The file `update/floor.json`. Methods block; SlotError where the disk refuses."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "floor.json"
 
     def of(self, name: str) -> str:
-        """The floor of a name; "" = none."""
+        """The minimum version of a name; "" = none."""
         found = read_table(self._path).get(name, "")
         try:
             version_key(found)
@@ -34,14 +34,14 @@ class Floor:
 
     def check(self, name: str, version: str) -> None:
         """That it may be installed. Raises UpdateFloorError."""
-        floor = self.of(name)
-        if floor and version_key(version) < version_key(floor):
-            raise UpdateFloorError(f"{name} {version} is below the floor of this robot, {floor}")
+        minimum = self.of(name)
+        if minimum and version_key(version) < version_key(minimum):
+            raise UpdateFloorError(f"{name} {version} is below the minimum version of this robot, {minimum}")
 
-    def rise(self, name: str, version: str) -> None:
+    def raise_to(self, name: str, version: str) -> None:
         """At least that from now on; "" changes nothing, and so does what is lower."""
-        floor = self.of(name)
-        if not version or (floor and version_key(version) <= version_key(floor)):
+        minimum = self.of(name)
+        if not version or (minimum and version_key(version) <= version_key(minimum)):
             return
         table = read_table(self._path)
         if name in table or len(table) < NAMES:

@@ -19,7 +19,7 @@ from edge_agent.update.errors import SlotError, UpdateOffError
 from edge_agent.update.files import read_table, remove_file, replace_table, sync_all
 from edge_agent.update.slots import COMPLETE, python_of
 from edge_agent.update.source import Source
-from metaros.bundle import BundleError, Manifest, target_path
+from metaros.fleet.bundle import BundleError, Manifest, target_path
 from metaros.limits import LIMITS
 
 __all__ = ["NodeBundle", "NodeBundles"]
@@ -57,12 +57,12 @@ class NodeBundles:
         """A complete bundle, if it is here.
 
         Raises:
-            UpdateFloorError: it is here perhaps, and below the floor: nobody brings it back from the disk, either.
+            UpdateFloorError: below the minimum version, even where it is on the disk already.
             BundleError: that is no name and version.
         """
         folder, source = self._place(name, version), self._source()
         if source is not None:
-            source.floor.check(name, version)
+            source.minimum.check(name, version)
         if read_table(folder / COMPLETE).get("version") != version:
             return None
         facts = read_table(folder / FACTS)
@@ -105,10 +105,10 @@ class NodeBundles:
         return ready
 
     def did_well(self, name: str, version: str) -> None:
-        """A node of it runs as it should: the floor that it brings counts. Raises SlotError."""
+        """A node of it runs as it should: the minimum version that it sets counts. Raises SlotError."""
         source, found = self._source(), read_table(self._place(name, version) / COMPLETE).get("min_version", "")
         if source is not None and isinstance(found, str):
-            source.floor.rise(name, found)
+            source.minimum.raise_to(name, found)
 
     def collect(self, keep: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
         """Delete the oldest bundles beyond the number kept, but none of `keep`; which were deleted."""

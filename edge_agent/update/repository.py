@@ -40,7 +40,7 @@ from edge_agent.update.errors import (
 from edge_agent.update.files import read_table, replace_table, sync_files
 from metaros.clock import Clock
 
-__all__ = ["Fetched", "SignedRepository", "told"]
+__all__ = ["Fetched", "SignedRepository", "as_update_error"]
 
 ROOT_BYTES = 512_000
 _CODES: tuple[tuple[type[Exception], type[UpdateError]], ...] = (
@@ -172,11 +172,11 @@ def _words() -> Iterator[None]:
     except UpdateError:
         raise
     except Exception as error:
-        raise told(error) from error
+        raise as_update_error(error) from error
 
 
-def told(error: Exception) -> UpdateError:
-    """An error of `tuf` in our words. Whatever else goes wrong with bytes from outside is a fault of these bytes."""
+def as_update_error(error: Exception) -> UpdateError:
+    """An error of `tuf` as an UpdateError; any other error is one of malformed bytes from outside."""
     text = str(error).splitlines()[0][:300] if str(error) else type(error).__name__
     if isinstance(error, exceptions.DownloadHTTPError) and error.status_code == 401:
         return UpdateFetchError("the gateway does not take this robot's token (HTTP 401)")

@@ -1,4 +1,4 @@
-"""What the loader tells the agent that it starts, and how the agent gives the process back to it."""
+"""How the loader starts the agent, and how the agent hands the process back to the loader for a restart."""
 
 from __future__ import annotations
 
@@ -13,15 +13,23 @@ from dataclasses import dataclass
 
 from metaros.limits import LIMITS
 
-__all__ = ["AGAIN", "HANDOVER", "LOADED", "Handover", "Loaded", "give_back", "loaded"]
+__all__ = [
+    "LOADER_ENV",
+    "RESTART",
+    "RESTART_EXIT_CODE",
+    "LoaderInfo",
+    "RestartRequest",
+    "exit_to_loader",
+    "loader_info",
+]
 
-LOADED = "METAROS_AGENT_SLOT"  # in the environment of an agent that the loader started
-AGAIN = 75  # the exit code of an agent that wants to be started anew by the loader that waits for it
+LOADER_ENV = "METAROS_AGENT_SLOT"  # in the environment of an agent that the loader started
+RESTART_EXIT_CODE = 75  # the exit code of an agent that wants to be started anew by the loader that waits for it
 CLOSE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loaded:
+class LoaderInfo:
     """How this agent was started."""
 
     loader: tuple[str, ...]  # its program and arguments
@@ -30,11 +38,11 @@ class Loaded:
     link_s: float = LIMITS.update_link_s
 
 
-def loaded(environ: Mapping[str, str] = os.environ) -> Loaded | None:
-    """What the loader said; None for an agent that was started without it."""
+def loader_info(environ: Mapping[str, str] = os.environ) -> LoaderInfo | None:
+    """The loader's environment variable, parsed; None for an agent that was started without a loader."""
     try:
-        table = json.loads(environ[LOADED])
-        return Loaded(
+        table = json.loads(environ[LOADER_ENV])
+        return LoaderInfo(
             loader=tuple(map(str, table["loader"])),
             watcher=int(table["watcher"]),
             health_s=float(table["health_s"]),
@@ -44,10 +52,10 @@ def loaded(environ: Mapping[str, str] = os.environ) -> Loaded | None:
         return None
 
 
-def give_back(found: Loaded) -> None:
+def exit_to_loader(found: LoaderInfo) -> None:
     """End this program at once, so that the loader starts what `slots/current` now says. Returns never.
 
-    Where the loader waits it is told by the exit code; else the process becomes the loader, with the same process id.
+    Where the loader waits it sees the exit code; else the process becomes the loader, with the same process id.
     """
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -55,18 +63,18 @@ def give_back(found: Loaded) -> None:
     if found.watcher != os.getppid() and sys.platform != "win32":
         with contextlib.suppress(OSError):
             os.execv(found.loader[0], list(found.loader))
-    os._exit(AGAIN)
+    os._exit(RESTART_EXIT_CODE)
 
 
-class Handover:
+class RestartRequest:
     """Whether this program is to become another version once everything of it is closed."""
 
     def __init__(self, *, patience_s: float = CLOSE_S) -> None:
         """`patience_s`: after so long it no longer waits for parts that do not close."""
-        self._asked: Loaded | None = None
+        self._asked: LoaderInfo | None = None
         self._patience_s = patience_s
 
-    def ask(self, found: Loaded | None) -> None:
+    def ask(self, found: LoaderInfo | None) -> None:
         """End the program as a signal would, so that nothing that was accepted is lost."""
         self._asked = found
         if found is not None:
@@ -78,7 +86,7 @@ class Handover:
     def finish(self) -> None:
         """The last act of the program: the loader, if it was asked for."""
         if self._asked is not None:
-            give_back(self._asked)
+            exit_to_loader(self._asked)
 
 
-HANDOVER = Handover()
+RESTART = RestartRequest()

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.identity.credentials import Credentials
-from edge_agent.update.handover import HANDOVER, loaded
 from edge_agent.update.nodes import NodeBundles
+from edge_agent.update.restart import RESTART, loader_info
 from edge_agent.update.slots import Slots
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
-from metaros.bundle import BundleError, check_group
 from metaros.clock import Clock, system_rng
+from metaros.fleet.bundle import BundleError, check_group
 
 __all__ = ["Updates", "open_updates"]
 
@@ -31,7 +31,7 @@ def open_updates(
     settings: Settings, state_dir: Path, credentials: Credentials | None, clock: Clock, *, running: str
 ) -> Updates:
     """Only an enrolled robot takes updates: it knows whom to ask, and the gateway knows whom it gives them to."""
-    source, found = None, loaded()
+    source, found = None, loader_info()
     if credentials is not None:
         group = settings.labels.get("group", "")
         source = Source(
@@ -46,9 +46,9 @@ def open_updates(
         source,
         clock,
         system_rng(),
-        loaded=found,
+        loader_info=found,
         running=running,
-        restart=lambda: HANDOVER.ask(found),
+        restart=lambda: RESTART.ask(found),
     )
     return Updates(agent, NodeBundles(state_dir, lambda: source), source)
 

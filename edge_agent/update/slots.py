@@ -1,4 +1,4 @@
-"""Two places for versions of the agent, A and B, beside the base install, which is never touched.
+"""A/B slots for versions of the agent, beside the base install, which is never touched.
 
 `slots/current` is one small file that says all that a start needs: which slot runs, whether it is being tried, how
 often it was started since, and where to go back to. It is replaced by one rename, so that at each moment it is the old
@@ -76,8 +76,8 @@ class Slots:
         table = read_table(self.path(slot) / COMPLETE)
         return bool(version) and table.get("version") == version and python_of(self.path(slot)).exists()
 
-    def floor_of(self, slot: str) -> str:
-        """The floor that what is in the slot brings; "" = none."""
+    def minimum_of(self, slot: str) -> str:
+        """The minimum version that the slot's content sets; "" = none."""
         found = "" if slot == BASE else read_table(self.path(slot) / COMPLETE).get("min_version", "")
         return found if isinstance(found, str) else ""
 
@@ -131,32 +131,32 @@ class Slots:
         """
         current = self.read()
         if current.probing and current.boots >= most:
-            current = self.back(current, f"it ended {most} times before it was kept")
+            current = self.roll_back(current, f"it ended {most} times before it was kept")
         if not self.complete(current.slot, current.version):
-            current = self.back(current, f"slot {current.slot} does not hold it")
+            current = self.roll_back(current, f"slot {current.slot} does not hold it")
         if not current.probing:
             return current
         counted = replace(current, boots=current.boots + 1)
         try:
             self._write(counted)
         except SlotError:
-            return self.back(current, "its starts cannot be counted on this disk")
+            return self.roll_back(current, "its starts cannot be counted on this disk")
         return counted
 
-    def uncount(self) -> None:
+    def uncount_boot(self) -> None:
         """The start ended because somebody asked it to: it says nothing about the version."""
         current = self.read()
         if current.probing and current.boots:
             self._write(replace(current, boots=current.boots - 1))
 
-    def keep(self) -> None:
+    def mark_good(self) -> None:
         """What runs has proved itself."""
         current = self.read()
         if current.probing:
             kept = replace(current, state="good", boots=0, failed_version="", failed_reason="")
             self._write(kept)
 
-    def back(self, current: Current, reason: str) -> Current:
+    def roll_back(self, current: Current, reason: str) -> Current:
         """Go back to what ran before, or to the base install where that is not whole; what is in force now.
 
         Where the disk refuses that holds for this start alone.

@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from edge_agent.update.errors import UpdateFetchError
-from edge_agent.update.floor import Floor
-from metaros.bundle import Manifest, target_path
+from edge_agent.update.minimum_version import MinimumVersions
 from metaros.clock import Clock
-from metaros.later import Later
+from metaros.fleet.bundle import Manifest, target_path
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:  # with all that checks signatures: an agent that fetches nothing must not wait for it at its start
     from edge_agent.update import bundle as bundles
     from edge_agent.update import fetch, repository
-    from edge_agent.update.fetch import Patience
+    from edge_agent.update.fetch import TransferLimits
     from edge_agent.update.repository import Fetched, SignedRepository
 else:
-    bundles = Later("edge_agent.update.bundle")
-    fetch, repository = Later("edge_agent.update.fetch"), Later("edge_agent.update.repository")
+    bundles = LazyModule("edge_agent.update.bundle")
+    fetch, repository = LazyModule("edge_agent.update.fetch"), LazyModule("edge_agent.update.repository")
 
 __all__ = ["API", "Source"]
 
@@ -41,10 +41,10 @@ class Source:
         clock: Clock,
         *,
         groups: tuple[str, ...] = (),
-        patience: Patience | None = None,
+        patience: TransferLimits | None = None,
     ) -> None:
         self.folder = folder
-        self.floor = Floor(folder)
+        self.minimum = MinimumVersions(folder)
         self.token = ""  # the newest that the gateway gave
         self._url = url.rstrip("/") + API
         self._tls = tls
@@ -62,7 +62,7 @@ class Source:
             BundleError: that is no name and version of a bundle.
         """
         paths = [target_path(kind, name, version, group=group) for group in (*self._groups, "")]
-        self.floor.check(name, version)
+        self.minimum.check(name, version)
         with self._turn:
             fetched = self._repository().fetch(paths)
             try:

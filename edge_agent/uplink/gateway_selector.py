@@ -1,18 +1,18 @@
-"""Which gateway comes next, and by which transport it is tried first. Pure but for the clock."""
+"""Selects the next gateway, and the order of transports to try. Pure but for the clock."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from edge_agent.uplink.address import GatewayAddress, TransportName
+from edge_agent.config.gateway_address import GatewayAddress, TransportName
 from metaros.clock import Clock
 
-__all__ = ["Choice"]
+__all__ = ["GatewaySelector"]
 
 FIRST_AGAIN_S = 600.0  # a second-choice transport that worked is preferred for so long
 
 
-class Choice:
+class GatewaySelector:
     """The list of gateways, each with what is known of it.
 
     A gateway that worked is kept; one that did not makes place for the next of the list, round and round.

@@ -11,9 +11,9 @@ from typing import Any
 import grpc
 import grpc.aio
 
+from edge_agent.config.gateway_address import GatewayAddress
 from edge_agent.errors import LinkError
 from edge_agent.identity.credentials import Credentials
-from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.transport import DEAD_PATH_S, gateway_frame
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS

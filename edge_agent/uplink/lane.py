@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
-from edge_agent.batch import sample_batches
+from edge_agent.config.gateway_address import Compression
+from edge_agent.forwarding.live_batch import sample_batches
+from edge_agent.link.budget import Use
 from edge_agent.outbox import Kind, Taken
-from edge_agent.uplink.budget import Use
-from edge_agent.uplink.parts import PartSender
+from edge_agent.uplink.recording_upload import RecordingUpload
 from edge_agent.uplink.window import Window
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import Limits
-from metaros.link import batch_bytes, batches_frame, metrics_frame, split_sample, squeeze
+from metaros.link import batch_bytes, batches_frame, compress, metrics_frame, split_sample
 
 if TYPE_CHECKING:
-    from edge_agent.uplink.session import Queues
+    from edge_agent.uplink.queues import Queues
 
-__all__ = ["BACKFILL", "CONTROL", "DATA", "LANES", "LANE_LOGS", "Compression", "LaneSender"]
+__all__ = ["BACKFILL", "CONTROL", "DATA", "LANES", "LANE_LOGS", "LaneSender"]
 
-Compression = Literal["none", "zstd"]
 
 CONTROL: Final = link_pb2.LANE_CONTROL
 DATA: Final = link_pb2.LANE_DATA
@@ -57,9 +57,9 @@ class LaneSender:
         self._blocked: Use | None = None  # what the budget held back at the last gathering
         self._batches: list[bytes] = []
         self._batches_bytes = 0
-        self.parts: PartSender | None = None
-        if lane == BACKFILL and queues.shelf is not None:
-            self.parts = PartSender(queues.shelf, queues.budget, limits=limits)
+        self.parts: RecordingUpload | None = None
+        if lane == BACKFILL and queues.recordings is not None:
+            self.parts = RecordingUpload(queues.recordings, queues.budget, limits=limits)
         self._parts_first = False
 
     def welcome(self, welcome: link_pb2.Welcome) -> None:
@@ -183,7 +183,7 @@ class LaneSender:
         elif frame.count == 1 and len(frame.body) > self._limits.batch_bytes:
             self._send_large(link_pb2.Batch.FromString(frame.body), numbers)
         else:
-            batch = batch_bytes(squeeze(frame.body, self._compression), **numbers)
+            batch = batch_bytes(compress(frame.body, self._compression), **numbers)
             self._add(batch + self._trace(frame.stream_id, frame.first_seq, frame.body))
 
     def _send_large(self, batch: link_pb2.Batch, numbers: dict[str, int]) -> None:

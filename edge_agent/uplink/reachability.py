@@ -1,4 +1,4 @@
-"""Whether anybody is there at all, before a transport is blamed.
+"""TCP reachability of a gateway, checked before a transport is blamed.
 
 TCP asks for a lost connection again after 1, 3, 7 … s. Here a new request leaves every quarter second, so that an agent
 is back soon after its network.
@@ -10,17 +10,17 @@ import asyncio
 import contextlib
 import urllib.request
 
+from edge_agent.config.gateway_address import GatewayAddress
 from edge_agent.errors import LinkError
-from edge_agent.uplink.address import GatewayAddress
 
-__all__ = ["reach"]
+__all__ = ["wait_reachable"]
 
 WITHIN_S = 3.0
 EVERY_S = 0.25
 MOST_HOSTS = 4
 
 
-async def reach(address: GatewayAddress, *, within_s: float = WITHIN_S, every_s: float = EVERY_S) -> None:
+async def wait_reachable(address: GatewayAddress, *, within_s: float = WITHIN_S, every_s: float = EVERY_S) -> None:
     """Return once a TCP connection came about; where the system has a forward proxy for it, at once.
 
     Raises:
@@ -31,7 +31,7 @@ async def reach(address: GatewayAddress, *, within_s: float = WITHIN_S, every_s:
     tries: set[asyncio.Task[None]] = set()
     try:
         async with asyncio.timeout(within_s):
-            await first_touch(await resolve(address), address.port, tries, every_s)
+            await first_connection(await resolve(address), address.port, tries, every_s)
     except TimeoutError:
         raise LinkError(f"{address.authority} does not answer") from None
     except OSError as error:
@@ -42,11 +42,11 @@ async def reach(address: GatewayAddress, *, within_s: float = WITHIN_S, every_s:
         await asyncio.gather(*tries, return_exceptions=True)
 
 
-async def first_touch(hosts: set[str], port: int, tries: set[asyncio.Task[None]], every_s: float) -> None:
+async def first_connection(hosts: set[str], port: int, tries: set[asyncio.Task[None]], every_s: float) -> None:
     """Try all hosts every so often until one connects; OSError once all of them have failed."""
     last: BaseException = OSError("no such host")
     while hosts:
-        now = {host: asyncio.create_task(touch(host, port)) for host in hosts}
+        now = {host: asyncio.create_task(try_connect(host, port)) for host in hosts}
         tries.update(now.values())
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(every_s):
@@ -61,8 +61,8 @@ async def first_touch(hosts: set[str], port: int, tries: set[asyncio.Task[None]]
     raise last
 
 
-async def touch(host: str, port: int) -> None:
-    """Connect, and hang up."""
+async def try_connect(host: str, port: int) -> None:
+    """Open a TCP connection, and close it."""
     _reader, writer = await asyncio.open_connection(host, port)
     writer.close()
     with contextlib.suppress(OSError):

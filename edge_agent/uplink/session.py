@@ -13,17 +13,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from edge_agent.batch import Linger
-from edge_agent.blackbox.shelf import Shelf
-from edge_agent.channels import Channels
+from edge_agent.config.gateway_address import Compression
 from edge_agent.errors import LinkDeadError, RefusedError, UnprovenError
 from edge_agent.identity.credentials import Credentials
-from edge_agent.live import LiveQueue
-from edge_agent.outbox import Outbox
-from edge_agent.sample_trace import Tracer
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.desk import DESK_FRAMES, Told
-from edge_agent.uplink.lane import BACKFILL, CONTROL, DATA, LANE_LOGS, LANES, Compression, LaneSender
+from edge_agent.link.frames import CommandArrived, ControlFrame, TeleopArrived
+from edge_agent.link.handler import CONTROL_FRAMES
+from edge_agent.uplink.lane import BACKFILL, CONTROL, DATA, LANE_LOGS, LANES, LaneSender
+from edge_agent.uplink.queues import Queues
 from edge_agent.uplink.statistics import LinkFacts, statistics, steady_part
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -37,13 +33,9 @@ __all__ = [
     "DATA",
     "LANES",
     "AgentSession",
-    "CommandArrived",
     "Established",
     "Event",
     "Identity",
-    "Queues",
-    "TeleopArrived",
-    "Told",
 ]
 
 LOG = logging.getLogger("metaros.agent.uplink")
@@ -68,19 +60,6 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class Queues:
-    """What is known of the robot's topics, what of them waits for the link, and how much of it may go."""
-
-    channels: Channels
-    outbox: Outbox
-    live: LiveQueue
-    linger: Linger
-    budget: Budget
-    shelf: Shelf | None = None  # recordings that wait
-    tracer: Tracer | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class Established:
     """All lanes are open, and the outbox stands at the gateway's watermarks."""
 
@@ -89,30 +68,7 @@ class Established:
     welcome: link_pb2.Welcome = field(default_factory=link_pb2.Welcome, compare=False)  # of the control lane
 
 
-@dataclass(frozen=True, slots=True)
-class CommandArrived:
-    """A command, when it came (its deadline counts from there), and the gateway's wall clock then, if that is known."""
-
-    command: link_pb2.Command
-    arrived_s: float
-    peer_ns: int | None = None
-
-    def age_s(self, now_s: float) -> float | None:
-        """How long ago it was sent by the gateway's clock; None when it does not say."""
-        if self.peer_ns is None or not self.command.sent_ns:
-            return None
-        return (self.peer_ns - self.command.sent_ns) / 1e9 + now_s - self.arrived_s
-
-
-@dataclass(frozen=True, slots=True)
-class TeleopArrived:
-    """A drive command with its age by the gateway's clock."""
-
-    teleop: link_pb2.Teleop
-    age_s: float
-
-
-Event = Established | CommandArrived | TeleopArrived | Told
+Event = Established | CommandArrived | TeleopArrived | ControlFrame
 
 
 class AgentSession:
@@ -151,10 +107,10 @@ class AgentSession:
         self._control_welcome = link_pb2.Welcome()
         self._stored_writers: dict[int, str] = {}
         self._heartbeat_s = limits.heartbeat_s
-        self._next_statistics_s = self._heard_s = clock.monotonic_s()
-        self._next_beat_s = dict.fromkeys(LANES, self._heard_s)
-        self._told = link_pb2.TopicStatistics()  # the last statistics, without what never stands still
-        self._told_s = -math.inf
+        self._next_statistics_s = self._received_s = clock.monotonic_s()
+        self._next_beat_s = dict.fromkeys(LANES, self._received_s)
+        self._reported = link_pb2.TopicStatistics()  # the last statistics, without what never stands still
+        self._reported_s = -math.inf
 
     @property
     def established(self) -> bool:
@@ -196,7 +152,7 @@ class AgentSession:
             BehindError: the gateway has more than the outbox ever accepted.
             FrameError: the frame breaks the protocol.
         """
-        self._heard_s = self._clock.monotonic_s()
+        self._received_s = self._clock.monotonic_s()
         sender = self._lanes[lane]
         match frame.WhichOneof("frame"):
             case "goodbye":
@@ -209,30 +165,30 @@ class AgentSession:
                     self._acknowledged(frame.ack)
             case "recording_wanted":
                 if sender.parts is not None:
-                    sender.parts.wanted(frame.recording_wanted, self._heard_s)
+                    sender.parts.wanted(frame.recording_wanted, self._received_s)
             case "retry_later" if sender.welcomed:
-                sender.pause(frame.retry_later, self._heard_s)
+                sender.pause(frame.retry_later, self._received_s)
             case "heartbeat":
                 beat = frame.heartbeat
                 self.offset.received(beat.sent_ns, beat.echo_ns, beat.held_ns)
                 if beat.echo_ns == 0:  # the peer has no round trip yet: let it have one now
-                    self._next_beat_s[lane] = self._heard_s
+                    self._next_beat_s[lane] = self._received_s
             case "demand":
                 entries = frame.demand.entries
                 self._queues.channels.demand({entry.channel_id: entry.max_rate_hz for entry in entries})
-                return [Told(frame, self._heard_s)]
+                return [ControlFrame(frame, self._received_s)]
             case "command":
                 if frame.command.sent_ns:
                     self.offset.saw(frame.command.sent_ns)
-                return [CommandArrived(frame.command, self._heard_s, self.offset.peer_now_ns())]
+                return [CommandArrived(frame.command, self._received_s, self.offset.peer_now_ns())]
             case "teleop":
                 self.offset.saw(frame.teleop.sent_ns)
                 return [TeleopArrived(frame.teleop, self.offset.age_s(frame.teleop.sent_ns) or 0.0)]
             case "talk":
                 self.offset.saw(frame.talk.sent_ns)
                 return [TeleopArrived(frame.talk, self.offset.age_s(frame.talk.sent_ns) or 0.0)]
-            case str() as kind if kind in DESK_FRAMES:
-                return [Told(frame, self._heard_s)]
+            case str() as kind if kind in CONTROL_FRAMES:
+                return [ControlFrame(frame, self._received_s)]
             case None:
                 LOG.debug("a frame that this agent does not know")  # of a newer gateway
             case other:
@@ -242,8 +198,8 @@ class AgentSession:
     def check(self) -> None:
         """Raise LinkDeadError when the gateway was silent, or acknowledged nothing, for too long."""
         now_s, limit_s = self._clock.monotonic_s(), SILENT_BEATS * self._heartbeat_s
-        if now_s - self._heard_s > limit_s:
-            raise LinkDeadError(f"nothing heard from the gateway for {limit_s:g} s")
+        if now_s - self._received_s > limit_s:
+            raise LinkDeadError(f"nothing received from the gateway for {limit_s:g} s")
         for lane in self._lanes.values():
             if lane.window.batches and now_s - lane.window.waiting_since_s > limit_s:
                 raise LinkDeadError(f"no acknowledgement from the gateway for {limit_s:g} s")
@@ -252,8 +208,8 @@ class AgentSession:
         """Queue a command's result."""
         self._lanes[CONTROL].put(link_pb2.AgentFrame(result=result))
 
-    def tell(self, frame: link_pb2.AgentFrame) -> None:
-        """Queue a desk's frame on the control lane."""
+    def send_frame(self, frame: link_pb2.AgentFrame) -> None:
+        """Queue a handler's frame on the control lane."""
         self._lanes[CONTROL].put(frame)
 
     def next_frame(self, lane: link_pb2.Lane) -> bytes | None:
@@ -309,7 +265,7 @@ class AgentSession:
         for mark in ack.watermarks:
             self._queues.outbox.acknowledge(mark.stream_id, mark.epoch, mark.seq)
             for lane in self._lanes.values():
-                lane.acknowledged(mark, self._heard_s)
+                lane.acknowledged(mark, self._received_s)
 
     def _beat(self, lane: link_pb2.Lane, sender: LaneSender) -> None:
         now_s = self._clock.monotonic_s()
@@ -322,8 +278,8 @@ class AgentSession:
     def _statistics(self, sender: LaneSender) -> None:
         now_s = self._clock.monotonic_s()
         if now_s >= self._next_statistics_s:
-            told = statistics(self._queues, self._facts, self.offset, now_s=now_s, malformed=self._malformed())
+            update = statistics(self._queues, self._facts, self.offset, now_s=now_s, malformed=self._malformed())
             self._next_statistics_s = now_s + STATISTICS_S
-            if (news := steady_part(told)) != self._told or now_s - self._told_s >= QUIET_STATISTICS_S:
-                sender.put(link_pb2.AgentFrame(statistics=told))
-                self._told, self._told_s = news, now_s
+            if (news := steady_part(update)) != self._reported or now_s - self._reported_s >= QUIET_STATISTICS_S:
+                sender.put(link_pb2.AgentFrame(statistics=update))
+                self._reported, self._reported_s = news, now_s

@@ -1,37 +1,31 @@
-"""Sessions one after the other: makes them, hands their events on, and cleans up after each."""
+"""Owner of the agent's link sessions: creates them, dispatches their events, and cleans up after each."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
 
-from edge_agent.commands import Commands
+from edge_agent.commands.dispatcher import CommandDispatcher
+from edge_agent.commands.teleop import Teleop
+from edge_agent.config.gateway_address import Compression
 from edge_agent.errors import DiskError, RefusedError
 from edge_agent.identity.credentials import Credentials
-from edge_agent.store_id import StoreId
-from edge_agent.teleop import Teleop
-from edge_agent.uplink.desk import LinkDesk, Told
-from edge_agent.uplink.lane import Compression
-from edge_agent.uplink.session import (
-    AgentSession,
-    CommandArrived,
-    Established,
-    Event,
-    Identity,
-    Queues,
-    TeleopArrived,
-)
+from edge_agent.link.frames import CommandArrived, ControlFrame, TeleopArrived
+from edge_agent.link.handler import ControlHandler
+from edge_agent.state.store_id import StoreId
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import AgentSession, Established, Event, Identity
 from edge_agent.uplink.statistics import LinkFacts
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["SessionKeeper"]
+__all__ = ["SessionManager"]
 
 
 LOG = logging.getLogger("metaros.agent.uplink")
 
 
-class SessionKeeper:
+class SessionManager:
     """The owner of all sessions of one agent process; `number` grows with each, from the start's wall time in ms."""
 
     def __init__(
@@ -39,7 +33,7 @@ class SessionKeeper:
         who: Identity,
         queues: Queues,
         teleop: Teleop,
-        commands: Commands,
+        commands: CommandDispatcher,
         clock: Clock,
         *,
         store_id: StoreId,
@@ -48,7 +42,7 @@ class SessionKeeper:
         wake: Callable[[], None],
         credentials: Credentials | None = None,
         expired: Callable[[], None] = lambda: None,
-        desks: Sequence[LinkDesk] = (),
+        handlers: Sequence[ControlHandler] = (),
     ) -> None:
         self._who = who
         self._queues = queues
@@ -62,7 +56,7 @@ class SessionKeeper:
         self._compression = compression
         self._credentials = credentials
         self._expired = expired
-        self._desks = desks
+        self._handlers = handlers
         self.facts = LinkFacts()
 
     def new_session(self) -> AgentSession:
@@ -87,12 +81,12 @@ class SessionKeeper:
                 self._store_id.learn(event.store_id)
                 self._queues.outbox.online = True
                 self._queues.budget.new_link(self._clock.monotonic_s())
-                for desk in self._desks:
-                    desk.link_up(lambda frame: self._tell(session, frame), event.welcome)
-            case Told():
-                for desk in self._desks:
-                    if event.frame.WhichOneof("frame") in desk.frames:
-                        desk.take(event)
+                for handler in self._handlers:
+                    handler.link_up(lambda frame: self._send_frame(session, frame), event.welcome)
+            case ControlFrame():
+                for handler in self._handlers:
+                    if event.frame.WhichOneof("frame") in handler.frames:
+                        handler.take(event)
             case TeleopArrived():
                 self._teleop.drive(event)
             case CommandArrived():
@@ -101,8 +95,8 @@ class SessionKeeper:
     def session_ended(self, error: BaseException | None = None) -> None:
         """Nobody watches or drives any more: stop what moves, drop what was only for viewers."""
         self._queues.outbox.online = False
-        for desk in self._desks:
-            desk.link_down()
+        for handler in self._handlers:
+            handler.link_down()
         if isinstance(error, RefusedError) and error.reason == "forked":
             LOG.warning("another copy of this outbox has spoken to the gateway: what is held goes under a new epoch")
             try:
@@ -115,8 +109,8 @@ class SessionKeeper:
         self._queues.channels.demand({})
         self._queues.live.clear()
 
-    def _tell(self, session: AgentSession, frame: link_pb2.AgentFrame) -> None:
-        session.tell(frame)
+    def _send_frame(self, session: AgentSession, frame: link_pb2.AgentFrame) -> None:
+        session.send_frame(frame)
         self._wake()
 
     def _answer(self, session: AgentSession, result: link_pb2.CommandResult) -> None:

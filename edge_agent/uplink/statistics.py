@@ -1,4 +1,4 @@
-"""What the agent tells the gateway of its topics and of the link, once a second while there is news."""
+"""Statistics of topics and of the link for the gateway, once a second while there is news."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from metaros._proto import link_pb2
 from metaros.link import ClockOffset
 
 if TYPE_CHECKING:
-    from edge_agent.uplink.session import Queues
+    from edge_agent.uplink.queues import Queues
 
 __all__ = ["LinkFacts", "statistics", "steady_part"]
 
@@ -60,10 +60,10 @@ def statistics(
     )
 
 
-def steady_part(told: link_pb2.TopicStatistics) -> link_pb2.TopicStatistics:
+def steady_part(frame: link_pb2.TopicStatistics) -> link_pb2.TopicStatistics:
     """What stays the same on a robot on which nothing happens: statistics that differ only in the rest are no news."""
     part = link_pb2.TopicStatistics()
-    part.CopyFrom(told)
+    part.CopyFrom(frame)
     part.link.ClearField("sent_bytes_per_s")
     part.link.ClearField("disk_free_bytes")
     part.link.ClearField("clock_offset_ns")

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from google.protobuf.message import DecodeError
 
-from edge_agent.uplink.address import GatewayAddress
+from edge_agent.config.gateway_address import GatewayAddress
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS
@@ -32,7 +32,7 @@ class Connection(Protocol):
         """End it, soon, whatever state it is in; never raises."""
 
 
-OpenLane = Callable[[GatewayAddress], Awaitable[Connection]]  # connects; a lane is told by its Hello
+OpenLane = Callable[[GatewayAddress], Awaitable[Connection]]  # connects; its Hello names the lane
 
 
 def gateway_frame(data: bytes) -> link_pb2.GatewayFrame:

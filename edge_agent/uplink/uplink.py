@@ -13,13 +13,13 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Final, Protocol
 
+from edge_agent.config.gateway_address import GatewayAddress, TransportName
 from edge_agent.errors import BehindError, DiskError, LinkError, RefusedError
 from edge_agent.identity.credentials import Credentials
-from edge_agent.uplink.address import GatewayAddress, TransportName
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.choice import Choice
+from edge_agent.uplink.gateway_selector import GatewaySelector
 from edge_agent.uplink.grpc import open_grpc
-from edge_agent.uplink.reach import reach
+from edge_agent.uplink.reachability import wait_reachable
 from edge_agent.uplink.session import LANES, AgentSession, Event
 from edge_agent.uplink.statistics import LinkFacts
 from edge_agent.uplink.transport import Connection, OpenLane
@@ -85,14 +85,14 @@ class Uplink:
         clock: Clock,
         *,
         transports: Mapping[TransportName, OpenLane] = TRANSPORTS,
-        reach: Callable[[GatewayAddress], Awaitable[None]] = reach,
+        wait_reachable: Callable[[GatewayAddress], Awaitable[None]] = wait_reachable,
     ) -> None:
-        self._choice = Choice(gateways, clock)
+        self._choice = GatewaySelector(gateways, clock)
         self._owner = owner
         self._backoff = backoff
         self._clock = clock
         self._transports = transports
-        self._reach = reach
+        self._reach = wait_reachable
         self._wakes = {lane: asyncio.Event() for lane in LANES}
         self._up_since_s: float | None = None
         self._ups = 0

@@ -1,7 +1,7 @@
-"""Tells video sources on the robot what their viewers need: key frames, how many look, and what the link carries.
+"""Requests to video sources on the robot: key frames, the number of viewers, and the bit rate that the link carries.
 
 As `metaros_msgs/msg/VideoDemand` on `<topic>/demand`, for video topics of the agent's own namespace alone. A source
-hears of it at once when somebody joins or leaves, and again every two seconds while somebody looks.
+is notified at once when somebody joins or leaves, and again every two seconds while somebody looks.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from edge_agent.channel import Channel
-from edge_agent.channels import Channels
-from edge_agent.scope import Scope
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.desk import Tell, Told
+from edge_agent.forwarding.channel import Channel
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.scope import Scope
+from edge_agent.forwarding.video_queue import VideoQueue
+from edge_agent.link.budget import Budget
+from edge_agent.link.frames import ControlFrame
+from edge_agent.link.handler import SendFrame
 from edge_agent.video.ladder import Ladder
-from edge_agent.video.line import VideoLine
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import Clock
@@ -27,7 +28,7 @@ from metaros.errors import MetarosError
 from metaros.idl import type_hash
 from metaros.interfaces.metaros_msgs.msg import VideoDemand
 
-__all__ = ["VideoDesk"]
+__all__ = ["VideoManager"]
 
 LOG = logging.getLogger("metaros.agent.video")
 TYPE: Final = "metaros_msgs/msg/VideoDemand"
@@ -42,10 +43,10 @@ Publish = Callable[[str, str, str, bytes], None]  # topic, type, hash, CDR
 
 @dataclass(slots=True, kw_only=True)
 class _Watched:
-    """A video channel that somebody looks at, and what its source was told."""
+    """A video channel that somebody looks at, and what was last requested of its source."""
 
     topic: str
-    line: VideoLine
+    line: VideoQueue
     viewers: int = 1
     key_frames: int = 0
     bitrate_bps: int = 0
@@ -53,12 +54,12 @@ class _Watched:
     sent_bytes: int = 0
     measured_s: float
     key_s: float = -math.inf
-    told: tuple[int, int] = (0, 0)
-    told_s: float = -math.inf
+    requested: tuple[int, int] = (0, 0)
+    requested_s: float = -math.inf
 
 
-class VideoDesk:
-    """See LinkDesk. `publish` is `Publishers.publish`."""
+class VideoManager:
+    """See ControlHandler. `publish` is `Publishers.publish`."""
 
     frames = frozenset({"demand"})
 
@@ -72,16 +73,16 @@ class VideoDesk:
         self._watched: dict[int, _Watched] = {}
         self._stirred = asyncio.Event()
 
-    def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
-        """See LinkDesk."""
+    def link_up(self, send: SendFrame, welcome: link_pb2.Welcome) -> None:
+        """See ControlHandler."""
 
     def link_down(self) -> None:
-        """See LinkDesk."""
+        """See ControlHandler."""
         self._want({})
 
-    def take(self, told: Told) -> None:
-        """See LinkDesk."""
-        self._want({entry.channel_id: entry for entry in told.frame.demand.entries})
+    def take(self, received: ControlFrame) -> None:
+        """See ControlHandler."""
+        self._want({entry.channel_id: entry for entry in received.frame.demand.entries})
 
     async def run(self) -> None:
         """Until cancelled; then nobody looks."""
@@ -94,12 +95,12 @@ class VideoDesk:
             self._want({})
 
     def look(self) -> None:
-        """Tell every source what is new."""
+        """Send every source what is new."""
         now_s = self._clock.monotonic_s()
         for watched in self._watched.values():
             if now_s - watched.measured_s >= LADDER_S:
                 self._measure(watched, now_s)
-            self._tell(watched, now_s)
+            self._request(watched, now_s)
 
     def _want(self, entries: dict[int, link_pb2.DemandEntry]) -> None:
         """These channels are wanted from now on."""
@@ -114,7 +115,7 @@ class VideoDesk:
             self._stirred.clear()
         self.look()
 
-    def _watch(self, number: int, channel: Channel, line: VideoLine, entry: link_pb2.DemandEntry) -> None:
+    def _watch(self, number: int, channel: Channel, line: VideoQueue, entry: link_pb2.DemandEntry) -> None:
         watched = self._watched.get(number)
         if watched is None:
             now_s = self._clock.monotonic_s()
@@ -122,12 +123,12 @@ class VideoDesk:
             watched.key_frames = entry.key_frames
             self._watched[number] = watched
             line.key_wanted = True
-            line.behind()  # what was before does not count
+            line.is_behind()  # what was before does not count
         elif watched.key_frames != entry.key_frames:
             watched.key_frames, line.key_wanted = entry.key_frames, True
         watched.viewers = max(1, entry.viewers)
 
-    def _video(self, number: int) -> tuple[Channel, VideoLine] | None:
+    def _video(self, number: int) -> tuple[Channel, VideoQueue] | None:
         """The channel of that number, where it is video of this robot."""
         channel = self._channels.by_id(number)
         if channel is None or channel.video is None or not self._scope.includes(channel.topic):
@@ -141,18 +142,18 @@ class VideoDesk:
         watched.sent_bytes, watched.measured_s = watched.line.sent_bytes, now_s
         most_bps = SHARE * 8 * self._budget.limit_bytes_per_s / len(self._watched)
         watched.bitrate_bps = watched.ladder.look(
-            behind=watched.line.behind(), sent_bps=sent_bps, most_bps=most_bps, now_s=now_s
+            behind=watched.line.is_behind(), sent_bps=sent_bps, most_bps=most_bps, now_s=now_s
         )
 
-    def _tell(self, watched: _Watched, now_s: float) -> None:
+    def _request(self, watched: _Watched, now_s: float) -> None:
         """A key frame where one is wanted and the last is long enough ago; what changed; the same again in time."""
         key_frame = watched.line.key_wanted and now_s - watched.key_s >= LOOK_S
         state = (watched.viewers, watched.bitrate_bps)
-        if not key_frame and state == watched.told and now_s - watched.told_s < AGAIN_S:
+        if not key_frame and state == watched.requested and now_s - watched.requested_s < AGAIN_S:
             return
         if key_frame:
             watched.line.key_wanted, watched.key_s = False, now_s
-        watched.told, watched.told_s = state, now_s
+        watched.requested, watched.requested_s = state, now_s
         self._say(watched.topic, key_frame=key_frame, viewers=watched.viewers, bitrate_bps=watched.bitrate_bps)
 
     def _say(self, topic: str, *, key_frame: bool, viewers: int, bitrate_bps: int) -> None:
@@ -160,4 +161,4 @@ class VideoDesk:
         try:
             self._publish(f"{topic}/demand", TYPE, self._hash, codec(TYPE).encode(demand))
         except MetarosError as error:  # such as a name that is too long with the /demand behind it
-            LOG.warning("the source of %s cannot be told what is wanted: %s", topic, error)
+            LOG.warning("cannot send the request to the source of %s: %s", topic, error)

@@ -1,4 +1,4 @@
-"""The gateway's doors for people and programs: REST, WebSocket and the dashboard's files."""
+"""The gateway's APIs for people and programs: REST, WebSocket, AWS Lambda, Foxglove, rosbridge, the dashboard."""
 
 from __future__ import annotations
 
@@ -7,75 +7,59 @@ from collections.abc import Iterator
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
-from gateway.api.address import Proxies
-from gateway.api.audited import Audited
-from gateway.api.authenticate import Authenticate
 from gateway.api.aws import routes as aws
 from gateway.api.aws.shaped import Shaped
 from gateway.api.aws.signed import Signed
-from gateway.api.bodies import Bodies
-from gateway.api.conditional import Conditional
-from gateway.api.express import Express
 from gateway.api.foxglove import socket as foxglove
-from gateway.api.guard import Guard
-from gateway.api.measured import Measured
-from gateway.api.openapi import describe_permissions
+from gateway.api.middleware.address import Proxies
+from gateway.api.middleware.audited import Audited
+from gateway.api.middleware.authenticate import Authenticate
+from gateway.api.middleware.bodies import Bodies
+from gateway.api.middleware.conditional import Conditional
+from gateway.api.middleware.fast_path import FastPath
+from gateway.api.middleware.guard import Guard
+from gateway.api.middleware.measured import Measured
+from gateway.api.middleware.rate import RateLimited
+from gateway.api.middleware.refused_sign_in import RefusedSignIn
+from gateway.api.middleware.static import Dashboard
+from gateway.api.openapi.permissions import describe_permissions
 from gateway.api.problem import install_problems
-from gateway.api.rate import RateLimited
-from gateway.api.refused_sign_in import RefusedSignIn
-from gateway.api.rest import (
-    alert_checks,
-    alert_routes,
-    alerts,
-    audit,
-    auth,
-    backtests,
-    commands,
+from gateway.api.rest import docs, gateway, health, ops
+from gateway.api.rest.accounts import audit, auth, enrol, keys, oidc, tickets, users
+from gateway.api.rest.alerting import alert_checks, alert_routes, alerts, backtests, silences, watch
+from gateway.api.rest.automation import (
     dead_letters,
-    docs,
-    enrol,
     events,
-    export,
-    fleet,
     function_calls,
     function_code,
     functions,
-    gateway,
+    gateway_events,
+    hooks,
+    replays,
+    rules,
+)
+from gateway.api.rest.fleet import (
+    commands,
+    fleet,
     goals,
     graph,
-    happenings,
-    health,
-    history,
-    hooks,
-    keys,
-    metrics,
     node_values,
     nodes,
-    oidc,
-    ops,
     orders,
-    recordings,
-    replays,
     robots,
     rollouts,
-    rules,
     services,
-    silences,
-    store,
     templates,
-    tickets,
     twin,
     types,
     updates,
     uplink,
-    users,
-    watch,
 )
+from gateway.api.rest.history import export, history, metrics, recordings, store
 from gateway.api.robot_rows import make_robot_rows
 from gateway.api.rosbridge import socket as rosbridge
 from gateway.api.services import Services
-from gateway.api.static import Dashboard
-from gateway.api.viewer_doors import QueryToken
+from gateway.api.viewer_endpoints import QueryToken
 from gateway.api.ws import link, stream, talk, teleop
 
 __all__ = ["ROUTERS", "create_api", "route_paths"]
@@ -113,7 +97,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     backtests.router,
     rules.router,
     hooks.router,
-    happenings.router,
+    gateway_events.router,
     functions.router,
     function_calls.router,
     function_code.router,
@@ -148,19 +132,19 @@ def create_api(services: Services) -> ASGIApp:
     app.state.services = services
     app.state.robot_rows = make_robot_rows(services)
     install_problems(app)
-    app.add_middleware(Express, routes=robots.EXPRESS)
+    app.add_middleware(FastPath, routes=robots.FAST_PATHS)
     describe_permissions(app, ROUTERS)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
     limited = RateLimited(Bodies(Conditional(app)), services.rates)
     logged = Audited(limited, services.audit)
     known = Authenticate(
-        logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
+        logged, services.authenticator, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
     folder = settings.data_dir / "functions" / "code" / "incoming"
     signed = Signed(RefusedSignIn(known), services.accounts, services.rates, folder, clock=services.clock)
     guarded = Guard(signed, hosts=settings.server_names, origins=settings.allow_origins)
-    measured = Measured(Shaped(guarded), services.operations.meters, clock=services.clock)
+    measured = Measured(Shaped(guarded), services.meters, clock=services.clock)
     return QueryToken(Proxies(measured, settings.proxies, only=settings.proxied_only))
 
 

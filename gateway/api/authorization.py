@@ -1,4 +1,4 @@
-"""The only gate of every route and socket: `allow("noun.verb")` names a row of the permission table.
+"""Authorization of every route and socket: `require_permission("noun.verb")` names a row of the permission table.
 
     router = APIRouter()
     @router.get("/api/v1/robots/{robot_id}", dependencies=[allow("robots.read")])
@@ -23,7 +23,17 @@ from gateway.errors import CsrfError, ForbiddenError, InvalidRequestError, Reque
 from gateway.identity.permissions import Permission, permission
 from metaros.errors import MetarosError
 
-__all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "require_all", "require_seen", "routes_of"]
+__all__ = [
+    "PATH_PERMISSIONS",
+    "RPC_PERMISSIONS",
+    "authorize",
+    "permissions_of",
+    "principal_of",
+    "require_all_robots",
+    "require_permission",
+    "require_visible",
+    "routes_of",
+]
 
 PRINCIPAL_KEY = "metaros.principal"  # of a scope: who asks
 REFUSAL_KEY = "metaros.refusal"  # why a credential is not good
@@ -32,9 +42,9 @@ RATES_KEY = "metaros.rates"  # how often somebody may ask, see rate.py
 BY_COOKIE_KEY = "metaros.by_cookie"  # whether a browser sends it by itself
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
-# What no router of ours serves, and the RPCs: the whole rest of what answers on the gateway's ports.
-BARE: dict[str, str] = {"/api/v1/openapi.json": "api.read", "/": "page.read"}
-RPCS: dict[str, str] = {
+# Paths that no router of ours serves, and the RPCs: the whole rest of what answers on the gateway's ports.
+PATH_PERMISSIONS: dict[str, str] = {"/api/v1/openapi.json": "api.read", "/": "page.read"}
+RPC_PERMISSIONS: dict[str, str] = {
     "/metaros.v1.Link/Connect": "agent.link",
     "/metaros.v1.FleetService/ListRobots": "robots.read",
     "/metaros.v1.FleetService/GetRobot": "robots.read",
@@ -87,18 +97,18 @@ RPCS: dict[str, str] = {
 _ROWS: dict[Callable[..., Any], Permission] = {}
 
 
-def allow(name: str) -> params.Depends:
-    """The dependency that lets in who has the permission, and nobody else."""
+def require_permission(name: str) -> params.Depends:
+    """A FastAPI dependency that refuses whoever lacks the permission."""
     row = permission(name)
 
     async def check(connection: HTTPConnection) -> None:
-        admit(connection, row)
+        authorize(connection, row)
 
     _ROWS[check] = row
     return params.Depends(check)
 
 
-def admit(connection: HTTPConnection, row: Permission) -> None:
+def authorize(connection: HTTPConnection, row: Permission) -> None:
     """Return when the connection's principal has the permission; raise why not."""
     connection.state.asked = row
     if row.who != "anyone":
@@ -114,7 +124,7 @@ def admit(connection: HTTPConnection, row: Permission) -> None:
         raise InvalidRequestError("an address has no NUL")  # no database takes one
     robot_id = connection.path_params.get("robot_id")
     if row.robots and robot_id is not None:
-        require_seen(connection, robot_id)
+        require_visible(connection, robot_id)
     if (rates := connection.scope.get(RATES_KEY)) is not None:
         rates.admit(connection, row)
     connection.state.permission = row
@@ -126,19 +136,19 @@ def principal_of(connection: HTTPConnection) -> Principal:
     return found
 
 
-def require_seen(connection: HTTPConnection, robot_id: str) -> None:
+def require_visible(connection: HTTPConnection, robot_id: str) -> None:
     """UnknownRobotError for a robot out of the principal's scope, in the words for one that does not exist."""
     if not principal_of(connection).sees(robot_id):
         raise UnknownRobotError.of(robot_id)
 
 
-def require_all(connection: HTTPConnection, what: str) -> None:
+def require_all_robots(connection: HTTPConnection, what: str) -> None:
     """ForbiddenError for what reaches every robot, asked by somebody who is not to reach them all."""
     if not principal_of(connection).sees_all:
         raise ForbiddenError(f"{what} are for every robot: they need somebody whose scope is all of them")
 
 
-def declared(route: Any) -> list[Permission]:
+def permissions_of(route: Any) -> list[Permission]:
     """The permissions that a route declares: exactly one, or the suite fails."""
     dependant = getattr(route, "dependant", None)
     return [_ROWS[item.call] for item in dependant.dependencies if item.call in _ROWS] if dependant else []
@@ -149,7 +159,7 @@ def routes_of(routers: tuple[APIRouter, ...]) -> Iterator[tuple[str, str, list[P
     for router in routers:
         for route in router.routes:
             for method in sorted(getattr(route, "methods", None) or ("SOCKET",)):
-                yield method, str(getattr(route, "path", "")), declared(route)
+                yield method, str(getattr(route, "path", "")), permissions_of(route)
 
 
 def _check_token(connection: HTTPConnection, principal: Principal) -> None:

@@ -1,4 +1,4 @@
-"""What one answer about a function is made of: catalogue, counts, queue, mappings and rules, read together."""
+"""A function as the API shows it, read together from catalogue, counters, queue, mappings and rules."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from gateway.api.services import Services
-from gateway.api.views_functions import alias_view, event_view, function_view, mapping_view, stats_view, version_view
+from gateway.api.views.functions import alias_view, event_view, function_view, mapping_view, stats_view, version_view
+from gateway.automation.functions.async_put import FUNCTION
 from gateway.errors import StoreError
-from gateway.functions.async_put import FUNCTION
 
 __all__ = ["describe", "detail", "every"]
 
@@ -106,7 +106,7 @@ def _triggers(services: Services, name: str) -> list[dict[str, Any]]:
         for row in services.functions.catalogue.mappings()
         if row.function == name
     ]
-    for rule in services.rules.book.rules():
+    for rule in services.rules.registry.rules():
         if any(item.kind == "function" and item.fields["function"] == name for item in rule.targets):
             kind = "schedule" if rule.schedule is not None else "rule"
             found.append({"kind": kind, "id": rule.name, "title": rule.name, "enabled": rule.enabled})

@@ -12,13 +12,13 @@ from starlette.routing import compile_path
 
 from gateway.api.problem import JsonResponse
 
-__all__ = ["LaterRoute", "api_router"]
+__all__ = ["LazyRoute", "api_router"]
 
 _ONE_AT_A_TIME = threading.RLock()  # gateways of one process share the routes
 
 
-class LaterRoute(APIRoute):
-    """Knows by itself what a request is matched with; all else is made at the first look at it."""
+class LazyRoute(APIRoute):
+    """Matches requests at once; everything else is made when an attribute is first read."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], *, methods: Collection[str], **options: Any) -> None:
         self.path, self.endpoint, self.methods = path, endpoint, set(methods)
@@ -38,4 +38,4 @@ class LaterRoute(APIRoute):
 
 def api_router(prefix: str, *, tags: list[str]) -> APIRouter:
     """A router of such routes, which answer with JSON."""
-    return APIRouter(prefix=prefix, tags=[*tags], default_response_class=JsonResponse, route_class=LaterRoute)
+    return APIRouter(prefix=prefix, tags=[*tags], default_response_class=JsonResponse, route_class=LazyRoute)

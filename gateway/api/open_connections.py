@@ -1,8 +1,8 @@
-"""Who is connected by an open socket, asked again every two seconds: whoever may not be here any more is shown out.
+"""Open sockets and downloads by credential: each credential is checked again every two seconds, and counted.
 
-A request is checked when it comes; a socket, and a long download, live on. So each credential with open ones is looked
-up again, once for all of them, and they are ended when it was revoked, expired, or means another role or other robots
-by now. Asking works where telling would not: another gateway on the same store may have revoked it.
+A request is authenticated when it comes; a socket and a long download live on. So each credential with open ones is
+looked up again, once for all of them, and they are ended when it was revoked, expired, or means another role or other
+robots by now. Polling works where a notification would not: another gateway on the same store may have revoked it.
 """
 
 from __future__ import annotations
@@ -16,47 +16,47 @@ from dataclasses import dataclass, field
 
 from starlette.requests import HTTPConnection
 
-from gateway.api.allow import CREDENTIAL_KEY, principal_of
-from gateway.api.authenticate import Credential, identify
+from gateway.api.authorization import CREDENTIAL_KEY, principal_of
+from gateway.api.middleware.authenticate import Credential, identify
 from gateway.domain.principal import Principal
 from gateway.errors import CredentialsError
-from gateway.identity.door import Door
+from gateway.identity.authenticator import Authenticator
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["REVOKED", "TOO_MANY", "Attendance", "Visit"]
+__all__ = ["REVOKED", "TOO_MANY", "OpenConnection", "OpenConnections"]
 
 REVOKED = 4401  # the close code of a socket whose credential is not good any more
-TOO_MANY = 4429  # and of one for which there is no place
+TOO_MANY = 4429  # and of one over the limit of viewers
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False, slots=True)
-class Visit:
-    """One open socket; `over` is set when it has to end."""
+class OpenConnection:
+    """One open socket; `revoked` is set when it has to end."""
 
     principal: Principal
-    over: asyncio.Event = field(default_factory=asyncio.Event)
+    revoked: asyncio.Event = field(default_factory=asyncio.Event)
 
 
-class Attendance:
-    """Lives on the event loop."""
+class OpenConnections:
+    """Of one gateway. Lives on the event loop."""
 
-    def __init__(self, door: Door, *, limits: Limits = LIMITS) -> None:
-        self._door = door
+    def __init__(self, authenticator: Authenticator, *, limits: Limits = LIMITS) -> None:
+        self._authenticator = authenticator
         self._limits = limits
-        self._visits: dict[Credential, set[Visit]] = {}
+        self._by_credential: dict[Credential, set[OpenConnection]] = {}
         self._viewers: Counter[tuple[str, str]] = Counter()  # by kind and id of who they are
 
-    def full(self, principal: Principal) -> bool:
-        """Whether there is no place for one more viewer of live data, or none for one more of that user or key."""
+    def viewers_full(self, principal: Principal) -> bool:
+        """Whether the limit of viewers of live data is reached, in all or for that user or key."""
         limits, mine = self._limits, self._viewers[principal.kind, principal.id]
         return self._viewers.total() >= limits.viewers or mine >= limits.viewers_each
 
     @contextmanager
-    def place(self, principal: Principal) -> Iterator[None]:
-        """A viewer of live data takes a place; ask `full` just before."""
+    def count_viewer(self, principal: Principal) -> Iterator[None]:
+        """Count a viewer of live data while it is connected; ask `viewers_full` just before."""
         who = (principal.kind, principal.id)
         self._viewers[who] += 1
         try:
@@ -67,47 +67,47 @@ class Attendance:
                 del self._viewers[who]
 
     @contextmanager
-    def visit(self, connection: HTTPConnection) -> Iterator[Visit]:
-        """A socket is open. Nobody's credential cannot be revoked: that visit is never over."""
-        visit = Visit(principal_of(connection))
+    def track(self, connection: HTTPConnection) -> Iterator[OpenConnection]:
+        """A socket is open. An anonymous one has no credential that could be revoked."""
+        opened = OpenConnection(principal_of(connection))
         credential: Credential | None = connection.scope.get(CREDENTIAL_KEY)
         if credential is None:
-            yield visit
+            yield opened
             return
-        self._visits.setdefault(credential, set()).add(visit)
+        self._by_credential.setdefault(credential, set()).add(opened)
         try:
-            yield visit
+            yield opened
         finally:
-            left = self._visits.get(credential, set())
-            left.discard(visit)
+            left = self._by_credential.get(credential, set())
+            left.discard(opened)
             if not left:
-                self._visits.pop(credential, None)
+                self._by_credential.pop(credential, None)
 
-    async def pieces(self, connection: HTTPConnection, pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-        """A long answer's pieces, until its asker may not be here any more: then CredentialsError."""
-        with self.visit(connection) as visit:
+    async def while_allowed(self, connection: HTTPConnection, pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+        """The pieces of a long response; CredentialsError once its credential is revoked."""
+        with self.track(connection) as opened:
             async for piece in pieces:
-                if visit.over.is_set():
+                if opened.revoked.is_set():
                     raise CredentialsError("who asked may not have it any more")
                 yield piece
 
     async def run(self) -> None:
-        """Ask for ever."""
+        """Check periodically, until cancelled."""
         while True:
-            await asyncio.sleep(LIMITS.attendance_s)
+            await asyncio.sleep(LIMITS.credential_check_s)
             await self.check()
 
     async def check(self) -> None:
-        """Ask once about every credential with open sockets. While the store cannot answer, they stay."""
-        for credential in list(self._visits):
+        """Check every credential with open sockets once. While the store cannot answer, they stay."""
+        for credential in list(self._by_credential):
             try:
-                found = await identify(self._door, credential)
+                found = await identify(self._authenticator, credential)
             except MetarosError as error:
                 log.warning("who is connected cannot be checked now: %s", error)
                 return
-            for visit in self._visits.get(credential, ()):
-                if found is None or _rights(found) != _rights(visit.principal):
-                    visit.over.set()
+            for opened in self._by_credential.get(credential, ()):
+                if found is None or _rights(found) != _rights(opened.principal):
+                    opened.revoked.set()
 
 
 def _rights(principal: Principal) -> tuple[object, ...]:

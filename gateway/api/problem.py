@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket
 
+from gateway.automation.rules.errors import RuleInvalidError
 from gateway.errors import (
     CommandRefusedError,
     ErrorRow,
@@ -23,9 +24,8 @@ from gateway.errors import (
     TooManyRequestsError,
     error_row,
 )
-from gateway.rules.errors import RuleInvalidError
+from metaros.automation.rules.errors import RuleTextError
 from metaros.errors import MetarosError
-from metaros.rules.errors import RuleTextError
 
 __all__ = ["JsonResponse", "error_code", "install_problems", "problem", "problem_bytes", "problem_headers"]
 

@@ -1,8 +1,8 @@
-"""What the client of an open socket may do: the one façade by which socket protocols act on robots.
+"""What the client of an open socket may do with robots: the façade that all socket protocols share.
 
-Each deed asks the permission table, the principal's scope, the robot's rate and, on actuators, the lease, exactly as
-REST does for a request, and leaves its row in the audit log: one when a client begins to publish on a topic and one
-with the count when it ends, not one a message. Names are those that the client uses, see `WorldNames`.
+Each action checks the permission table, the principal's scope, the robot's rate and, on actuators, the lease, exactly
+as REST does for a request, and leaves its row in the audit log: one when a client begins to publish on a topic and one
+with the count when it ends, not one a message. Names are those that the client uses, see `ClientNames`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
-from gateway.api.attendance import Visit
+from gateway.api.open_connections import OpenConnection
 from gateway.api.services import Services
 from gateway.domain.channel import Channel
+from gateway.domain.client_names import ClientNames
 from gateway.domain.principal import Principal
-from gateway.domain.world_names import WorldNames
 from gateway.errors import (
     ForbiddenError,
     InvalidRequestError,
@@ -27,19 +27,19 @@ from gateway.errors import (
     TooManyRequestsError,
     UnknownRobotError,
 )
-from gateway.fleet.goal import Goal
-from gateway.fleet.graph import RobotGraph
-from gateway.fleet.node_values import Parameter, SetResult
-from gateway.fleet.node_verbs import Actor
-from gateway.fleet.offer import JSON, Answer, Dialect, Execute, Offer
-from gateway.fleet.orders import Order
-from gateway.fleet.twins import Editor
+from gateway.fleet.command_manager import NewCommand
+from gateway.fleet.nodes.values import Parameter, SetResult
+from gateway.fleet.nodes.verbs import Actor
+from gateway.fleet.ros.goal import Goal
+from gateway.fleet.ros.graph import RobotGraph
+from gateway.fleet.ros.offer import JSON, Answer, Dialect, Execute, Offer
+from gateway.fleet.twins.manager import Editor
 from gateway.identity.permissions import permission
 from gateway.ingest.registry import RobotRecord
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
-__all__ = ["Place", "Publication", "Topic", "Visitor"]
+__all__ = ["Publication", "ResolvedName", "RobotAccess", "Topic"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ class Topic:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """What a client's name means: a robot, and a full ROS name of it."""
+class ResolvedName:
+    """What a client's name resolves to: a robot, and a full ROS name of it."""
 
     robot: str
     name: str
@@ -62,14 +62,14 @@ class Place:
 class Publication:
     """One topic that the client publishes on: how many messages went, and how many were refused."""
 
-    place: Place
+    resolved: ResolvedName
     type_name: str
     sent: int = 0
     refused: int = 0
 
 
 @dataclass(slots=True)
-class Visitor:
+class RobotAccess:
     """One client. All methods on the event loop; call `close` when its socket is over.
 
     Every method raises what REST would answer: SignInError, ForbiddenError, UnknownRobotError, TooManyRequestsError,
@@ -77,36 +77,38 @@ class Visitor:
     """
 
     services: Services
-    visit: Visit
-    names: WorldNames
+    connection: OpenConnection
+    names: ClientNames
     target: str = ""  # the socket's path, for the audit log
     address: str = ""
-    _publications: dict[Place, Publication] = field(default_factory=dict)
+    _publications: dict[ResolvedName, Publication] = field(default_factory=dict)
     _refused: set[tuple[str, str]] = field(default_factory=set)
     _turn: asyncio.Lock = field(default_factory=asyncio.Lock)  # held by a message that is being made: later ones wait
 
     @classmethod
-    def of(cls, socket: HTTPConnection, services: Services, visit: Visit, *, robot: str | None = None) -> Visitor:
+    def of(
+        cls, socket: HTTPConnection, services: Services, connection: OpenConnection, *, robot: str | None = None
+    ) -> RobotAccess:
         """The client of a socket: of one robot, or of all that its principal sees.
 
         Raises:
             UnknownRobotError: that robot never connected, or is out of scope.
         """
-        names = WorldNames(robot, sees=visit.principal.sees)
+        names = ClientNames(robot, sees=connection.principal.sees)
         if robot is not None:
             if not names.covers(robot):
                 raise UnknownRobotError.of(robot)
             services.registry.get(robot)
         client = socket.scope.get("client")
-        return cls(services, visit, names, target=socket.scope["path"], address=client[0] if client else "")
+        return cls(services, connection, names, target=socket.scope["path"], address=client[0] if client else "")
 
     @property
     def principal(self) -> Principal:
         """Who it is."""
-        return self.visit.principal
+        return self.connection.principal
 
     def may(self, action: str) -> bool:
-        """Whether its role has the permission; scope is asked at each deed."""
+        """Whether its role has the permission; scope is checked at each action."""
         return permission(action).granted(self.principal)
 
     def require(self, action: str, robot: str) -> None:
@@ -124,7 +126,7 @@ class Visitor:
             self.services.audit.check_room()
 
     def check(self, action: str, robot: str) -> None:
-        """Return when its role and scope allow that on that robot, which is there: before work for a deed to come."""
+        """Return when its role and scope allow that on that robot, which is there: before preparing an action."""
         row = permission(action)
         if not self.names.covers(robot):
             raise UnknownRobotError.of(robot)
@@ -135,7 +137,7 @@ class Visitor:
             raise ForbiddenError(f"{action} needs the role {row.least.word} or more")
         self.services.registry.get(robot)
 
-    # -- looking ---------------------------------------------------------------------------------------------------
+    # -- reading ---------------------------------------------------------------------------------------------------
 
     def robots(self) -> list[RobotRecord]:
         """The robots that it sees, by id."""
@@ -150,39 +152,43 @@ class Visitor:
             for state in record.topics()
         ]
 
-    def find_topic(self, name: str) -> tuple[Place, Channel | None]:
-        """What a topic's name means: the robot's announced one where there is one, or else the likeliest place.
+    def find_topic(self, name: str) -> tuple[ResolvedName, Channel | None]:
+        """What a topic's name means: the robot's announced one where there is one, or else the likeliest name.
 
         Raises:
             UnknownRobotError: the name is no robot's that it sees.
         """
-        places = self.places(name)
-        for place in places:
-            record = self.services.registry.find(place.robot)
-            channel = record.channel_of(place.name) if record is not None else None
+        candidates = self.candidates(name)
+        for resolved in candidates:
+            record = self.services.registry.find(resolved.robot)
+            channel = record.channel_of(resolved.name) if record is not None else None
             if channel is not None:
-                return place, channel
-        return places[0], None
+                return resolved, channel
+        return candidates[0], None
 
     def graphs(self) -> list[RobotGraph]:
         """The graphs of the robots that it sees, as far as they were told; names in them are the robots' own."""
         self._require_look("robots.read")
         return [self.services.graphs.of(record.robot.id) for record in self.robots()]
 
-    def find_service(self, name: str) -> Place:
-        """What a service's name means: one that the robot's graph has, or else the likeliest place."""
-        places = self.places(name)
-        return next((item for item in places if item.name in self.services.graphs.of(item.robot).services), places[0])
+    def find_service(self, name: str) -> ResolvedName:
+        """What a service's name means: one that the robot's graph has, or else the likeliest name."""
+        candidates = self.candidates(name)
+        return next(
+            (item for item in candidates if item.name in self.services.graphs.of(item.robot).services), candidates[0]
+        )
 
-    def find_action(self, name: str) -> Place:
+    def find_action(self, name: str) -> ResolvedName:
         """What an action's name means, likewise."""
-        places = self.places(name)
-        return next((item for item in places if item.name in self.services.graphs.of(item.robot).actions), places[0])
+        candidates = self.candidates(name)
+        return next(
+            (item for item in candidates if item.name in self.services.graphs.of(item.robot).actions), candidates[0]
+        )
 
-    def places(self, name: str) -> list[Place]:
+    def candidates(self, name: str) -> list[ResolvedName]:
         """What a name may mean, of robots that once connected; never empty (UnknownRobotError)."""
         known = self.services.registry.find
-        found = [Place(robot, full) for robot, full in self.names.candidates(name) if known(robot) is not None]
+        found = [ResolvedName(robot, full) for robot, full in self.names.candidates(name) if known(robot) is not None]
         if not found:
             raise UnknownRobotError.of(self.names.robot or name.lstrip("/").partition("/")[0])
         return found
@@ -191,18 +197,18 @@ class Visitor:
 
     async def advertise(self, name: str, *, type_name: str = "") -> Publication:
         """It will publish on that topic; told again, nothing happens. InvalidRequestError: no type is known."""
-        place, channel = self.find_topic(name)
-        known = self._publications.get(place)
+        resolved, channel = self.find_topic(name)
+        known = self._publications.get(resolved)
         if known is not None:
             known.type_name = type_name or known.type_name
             return known
-        self.require("robots.publish", place.robot)
+        self.require("robots.publish", resolved.robot)
         if not type_name and channel is None:
-            raise InvalidRequestError(f"type is missing, and robot {place.robot} announces no topic {place.name}")
+            raise InvalidRequestError(f"type is missing, and robot {resolved.robot} announces no topic {resolved.name}")
         if len(self._publications) >= LIMITS.subscriptions_per_viewer:
             raise TooManyError(f"a client publishes on at most {LIMITS.subscriptions_per_viewer} topics")
-        publication = self._publications[place] = Publication(place, type_name)
-        await self.record("robots.publish", f"{place.robot} {place.name} begins")
+        publication = self._publications[resolved] = Publication(resolved, type_name)
+        await self.record("robots.publish", f"{resolved.robot} {resolved.name} begins")
         return publication
 
     async def publish(
@@ -223,13 +229,13 @@ class Visitor:
         if publication is None:
             publication = await self.advertise(name, type_name=type_name)
         else:
-            self.require("robots.publish", publication.place.robot)
-        place = publication.place
+            self.require("robots.publish", publication.resolved.robot)
+        resolved = publication.resolved
         publication.sent += 1  # also when the socket ends before the robot has answered: it may be on its way
         try:
             await self.services.fleet.publish(
-                place.robot,
-                place.name,
+                resolved.robot,
+                resolved.name,
                 type_name=type_name or publication.type_name,
                 message=message,
                 cdr=cdr,
@@ -271,16 +277,16 @@ class Visitor:
 
         Without `type_name` the robot's graph says it (UnknownServiceError).
         """
-        place = self.find_service(name)
-        self.require("robots.call", place.robot)
-        asked: dict[str, Any] = {"service": place.name, "type": type_name}
+        resolved = self.find_service(name)
+        self.require("robots.call", resolved.robot)
+        asked: dict[str, Any] = {"service": resolved.name, "type": type_name}
         asked |= {"request": request} if request is not None or cdr is None else {"cdr_bytes": len(cdr)}
-        order = Order(robot=place.robot, kind="call_service", request=asked, timeout_s=timeout_s)
-        await self.record("robots.call", f"{place.robot} {place.name}")
-        with self.services.orders.noted(order, self.principal) as noted:
+        order = NewCommand(robot=resolved.robot, kind="call_service", request=asked, timeout_s=timeout_s)
+        await self.record("robots.call", f"{resolved.robot} {resolved.name}")
+        with self.services.command_manager.track(order, self.principal) as noted:
             answer = await self.services.fleet.call(
-                place.robot,
-                place.name,
+                resolved.robot,
+                resolved.name,
                 type_name=type_name,
                 request={} if request is None else request,
                 cdr=cdr,
@@ -303,12 +309,12 @@ class Visitor:
         lease_id: str = "",
     ) -> Goal:
         """Start a goal of a robot's action; `cdr` (of X_Goal) wins over `goal`. It goes on when the client leaves."""
-        place = self.find_action(name)
-        self.require("robots.call", place.robot)
-        await self.record("robots.call", f"{place.robot} {place.name} goal")
+        resolved = self.find_action(name)
+        self.require("robots.call", resolved.robot)
+        await self.record("robots.call", f"{resolved.robot} {resolved.name} goal")
         return await self.services.goals.send(
-            place.robot,
-            place.name,
+            resolved.robot,
+            resolved.name,
             type_name=type_name,
             goal=goal,
             cdr=cdr,
@@ -325,34 +331,34 @@ class Visitor:
 
     async def offer_service(self, name: str, type_name: str, answer: Answer, *, dialect: Dialect = JSON) -> Offer:
         """Serve a service in a robot's graph until the offer is closed; OfferRefusedError."""
-        place = self.places(name)[0]
-        self.require("robots.publish", place.robot)
-        await self.record("robots.publish", f"{place.robot} {place.name} offers a service")
-        return await self.services.offers.service(place.robot, place.name, type_name, answer, dialect=dialect)
+        resolved = self.candidates(name)[0]
+        self.require("robots.publish", resolved.robot)
+        await self.record("robots.publish", f"{resolved.robot} {resolved.name} offers a service")
+        return await self.services.offers.service(resolved.robot, resolved.name, type_name, answer, dialect=dialect)
 
     async def offer_action(self, name: str, type_name: str, execute: Execute, *, dialect: Dialect = JSON) -> Offer:
         """Serve an action in a robot's graph until the offer is closed; OfferRefusedError."""
-        place = self.places(name)[0]
-        self.require("robots.publish", place.robot)
-        await self.record("robots.publish", f"{place.robot} {place.name} offers an action")
-        return await self.services.offers.action(place.robot, place.name, type_name, execute, dialect=dialect)
+        resolved = self.candidates(name)[0]
+        self.require("robots.publish", resolved.robot)
+        await self.record("robots.publish", f"{resolved.robot} {resolved.name} offers an action")
+        return await self.services.offers.action(resolved.robot, resolved.name, type_name, execute, dialect=dialect)
 
     async def parameters(self, node: str) -> list[Parameter]:
         """The parameters of a robot's node, by name."""
-        place = self.places(node)[0]
-        self.require("nodes.read", place.robot)
-        return await self.services.nodes.values.parameters(place.robot, place.name)
+        resolved = self.candidates(node)[0]
+        self.require("nodes.read", resolved.robot)
+        return await self.services.nodes.values.parameters(resolved.robot, resolved.name)
 
     async def set_parameters(self, node: str, values: Mapping[str, Any]) -> Sequence[SetResult]:
         """Set parameters of a robot's node, each for itself; they are forgotten with the node's process."""
-        place = self.places(node)[0]
-        self.require("nodes.control", place.robot)
-        await self.record("nodes.control", f"{place.robot} {place.name}: {', '.join(values)}")
+        resolved = self.candidates(node)[0]
+        self.require("nodes.control", resolved.robot)
+        await self.record("nodes.control", f"{resolved.robot} {resolved.name}: {', '.join(values)}")
         code = permission("nodes.code").granted(self.principal)
         editor = Editor(name=self.principal.name or self.principal.id, reason="", code=code, confirm_within_s=None)
         actor = Actor(editor=editor, principal=self.principal)
         results, _ = await self.services.nodes.values.set_parameters(
-            place.robot, place.name, values, actor, keep=False, dry_run=False
+            resolved.robot, resolved.name, values, actor, keep=False, dry_run=False
         )
         return results
 
@@ -363,8 +369,8 @@ class Visitor:
             raise ForbiddenError(f"{action} needs the role {permission(action).least.word} or more")
 
     def _end(self, publication: Publication) -> None:
-        place = publication.place
-        detail = f"{place.robot} {place.name} ends: {publication.sent} sent, {publication.refused} refused"
+        resolved = publication.resolved
+        detail = f"{resolved.robot} {resolved.name} ends: {publication.sent} sent, {publication.refused} refused"
         self.services.audit.add(**self._facts("robots.publish", 200, "", detail))
 
     async def record(self, action: str, detail: str) -> None:

@@ -19,7 +19,7 @@ from starlette.requests import HTTPConnection
 from gateway.api.listing import Fields
 from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.api.services import Services
-from gateway.domain.lease import Lease
+from gateway.domain.fleet.lease import Lease
 from gateway.ingest.registry import RobotRecord
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -167,8 +167,8 @@ def _session(record: RobotRecord) -> tuple[bool, int, int]:
 def make_robot_rows(services: Services) -> RobotRows:
     """The rows of a gateway's robots."""
     twins, clock = services.twins, services.clock
-    search = RobotSearch(services.registry, twins.labels_of, lambda: twins.book.revision)
-    return RobotRows(search, services.describe, twins.book.desired.get, services.leases.find, clock=clock)
+    search = RobotSearch(services.registry, twins.labels_of, lambda: twins.cache.revision)
+    return RobotRows(search, services.describe, twins.cache.desired.get, services.leases.find, clock=clock)
 
 
 def robot_rows_of(connection: HTTPConnection) -> RobotRows:

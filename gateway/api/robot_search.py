@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from gateway.domain.fleet.selector import Selector
 from gateway.domain.principal import EVERY_ROBOT, in_scope
-from gateway.domain.selector import Selector
 from gateway.ingest.registry import Registry, RobotRecord
 
 __all__ = ["RobotQuery", "RobotSearch"]

@@ -1,4 +1,4 @@
-"""Whom a rule may be shown to, and who may change it: a rule knows of robots, and so does whoever sees it.
+"""Authorization of rules and hooks by scope: who may see a rule, and what its targets may do.
 
 A rule goes by the scope of who made it. It is shown to whoever sees, for certain, every robot of that scope.
 """
@@ -7,34 +7,34 @@ from __future__ import annotations
 
 from starlette.requests import Request
 
-from gateway.api.allow import principal_of
+from gateway.api.authorization import principal_of
 from gateway.api.services import services_of
-from gateway.api.silence_reach import reaches
+from gateway.api.silence_scope import covers
+from gateway.automation.rules.errors import RuleInvalidError, UnknownHookError, UnknownRuleError
+from gateway.automation.rules.rule import Rule
+from gateway.automation.rules.target_kinds import target_kind
+from gateway.domain.automation.rule import Hook, StoredRule
 from gateway.domain.principal import Principal
-from gateway.domain.rule import Hook, StoredRule
 from gateway.errors import ForbiddenError, InvalidRequestError
 from gateway.fleet.kinds import kind_of
 from gateway.identity.permissions import permission
-from gateway.rules.errors import RuleInvalidError, UnknownHookError, UnknownRuleError
-from gateway.rules.rule import Rule
-from gateway.rules.target_kinds import target_kind
 
 __all__ = ["check_targets", "seen_hook", "seen_rule", "sees_hook", "sees_rule"]
 
 
 def sees_rule(principal: Principal, stored: StoredRule) -> bool:
     """Whether the principal may know of it."""
-    return reaches(principal, stored.maker.robots)
+    return covers(principal, stored.maker.robots)
 
 
 def sees_hook(principal: Principal, hook: Hook) -> bool:
     """Whether the principal may know of it."""
-    return principal.sees(hook.robot) if hook.robot else reaches(principal, hook.robots)
+    return principal.sees(hook.robot) if hook.robot else covers(principal, hook.robots)
 
 
 def seen_rule(request: Request, name: str) -> StoredRule:
     """One rule; UnknownRuleError also where it is out of scope."""
-    stored = services_of(request).rules.book.get(name)
+    stored = services_of(request).rules.registry.get(name)
     if not sees_rule(principal_of(request), stored):
         raise UnknownRuleError.of(name)
     return stored

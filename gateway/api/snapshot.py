@@ -1,4 +1,4 @@
-"""The newest message of each topic of a robot: what comes while one waits a moment, else what is stored.
+"""The newest message of each topic of a robot: what arrives within a moment, else what is stored.
 
 A topic of the live class leaves its robot only while somebody looks: asking for a snapshot is a look, as long as it
 takes. Nothing is decoded twice, and nothing for somebody else's snapshot again.
@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 
 import orjson
 
-from gateway.decoder import Decoder
 from gateway.domain.channel import LIVE, Channel
-from gateway.history.desk import HistoryDesk
+from gateway.domain.decoder import Decoder
+from gateway.history.manager import HistoryManager
 from gateway.history.messages import Message
 from gateway.ingest.registry import RobotRecord
 from gateway.live.encoding import Block, View
@@ -24,7 +24,7 @@ from gateway.live.json_view import json_view
 from gateway.live.subscription import TopicSubscription
 from metaros.limits import LIMITS
 
-__all__ = ["Shown", "heard", "stored"]
+__all__ = ["Shown", "collect_live", "newest_stored"]
 
 Shown = dict[str, Any]  # a message as the API shows it, by topic
 
@@ -51,7 +51,7 @@ class _Collected:
 
     def __init__(self, wanted: Collection[str]) -> None:
         self.on_full: Callable[[], None] | None = None
-        self.on_room: Callable[[], None] | None = None
+        self.on_drained: Callable[[], None] | None = None
         self.lines: dict[str, Shown] = {}
         self.whole = asyncio.Event()
         self._wanted = set(wanted)
@@ -73,8 +73,8 @@ class _Collected:
             self.whole.set()
 
 
-async def heard(hub: Hub, record: RobotRecord, topics: Collection[str], *, wait_s: float) -> dict[str, Shown]:
-    """What comes of these topics within a moment; it ends early when each of the live ones was heard."""
+async def collect_live(hub: Hub, record: RobotRecord, topics: Collection[str], *, wait_s: float) -> dict[str, Shown]:
+    """What arrives on these topics within a moment; it ends early when each of the live ones had a message."""
     robot, chosen = record.robot.id, frozenset(topics)
     live = [state.channel for state in record.topics() if state.channel.topic in chosen and not state.channel.history]
     wanted = {channel.topic for channel in live if channel.delivery == LIVE and channel.forward}
@@ -100,7 +100,9 @@ async def heard(hub: Hub, record: RobotRecord, topics: Collection[str], *, wait_
     return sink.lines
 
 
-async def stored(history: HistoryDesk, robot: str, topics: Collection[str], *, now_ns: int) -> dict[str, Shown]:
+async def newest_stored(
+    history: HistoryManager, robot: str, topics: Collection[str], *, now_ns: int
+) -> dict[str, Shown]:
     """The newest stored message of each of these topics that has one."""
     if not topics:
         return {}

@@ -1,4 +1,4 @@
-"""The doors of viewers that speak protocols of their own: their paths, their own ports, and the token in their URL.
+"""The endpoints of Foxglove and rosbridge: their paths, their own ports, and the token in their URL.
 
 Foxglove and rosbridge clients know a port and nothing of paths, and no browser lets a page set a header of a socket.
 So each protocol has a port on which `/` is what `/foxglove` or `/rosbridge` is on the main one, and these sockets and
@@ -13,7 +13,15 @@ from urllib.parse import parse_qsl, urlencode
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["FOXGLOVE", "ROSBRIDGE", "TOKEN_KEY", "OwnPorts", "QueryToken", "is_door", "takes_token"]
+__all__ = [
+    "FOXGLOVE",
+    "ROSBRIDGE",
+    "TOKEN_KEY",
+    "ProtocolPorts",
+    "QueryToken",
+    "accepts_query_token",
+    "needs_principal",
+]
 
 FOXGLOVE, ROSBRIDGE = "/foxglove", "/rosbridge"
 STREAM = "/api/v1/stream"
@@ -24,12 +32,12 @@ _HERE = {
 }
 
 
-def is_door(path: str) -> bool:
-    """Whether somebody has to be known at a path: the API's own, Lambda's, and viewers' sockets."""
+def needs_principal(path: str) -> bool:
+    """Whether requests of a path are authenticated: the API's own, Lambda's, and viewers' sockets."""
     return path.startswith(("/api/", "/lambda/")) or path in ("/metrics", "/lambda") or _is_viewer(path)
 
 
-def takes_token(path: str) -> bool:
+def accepts_query_token(path: str) -> bool:
     """Whether a credential in the URL is taken there."""
     return path == STREAM or _is_viewer(path)
 
@@ -38,29 +46,29 @@ def _is_viewer(path: str) -> bool:
     return path.startswith((f"{FOXGLOVE}/", f"{ROSBRIDGE}/")) or path in (FOXGLOVE, ROSBRIDGE)
 
 
-class OwnPorts:
+class ProtocolPorts:
     """The application as it looks from the ports of the protocols; other ports are as they were. Pure ASGI."""
 
-    def __init__(self, app: ASGIApp, doors: Mapping[int, str]) -> None:
-        """`doors` says which port is whose door: 8765 -> "/foxglove"."""
+    def __init__(self, app: ASGIApp, paths: Mapping[int, str]) -> None:
+        """`paths` says which path each port serves: 8765 -> "/foxglove"."""
         self._app = app
-        self._doors = dict(doors)
+        self._paths = dict(paths)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Put the door's path before the one that was asked for."""
-        door = self._door(scope)
-        if door is not None and scope["type"] == "http":
-            await PlainTextResponse(_HERE[door], 426, {"upgrade": "websocket"})(scope, receive, send)
+        """Put the port's path before the one that was asked for."""
+        prefix = self._prefix(scope)
+        if prefix is not None and scope["type"] == "http":
+            await PlainTextResponse(_HERE[prefix], 426, {"upgrade": "websocket"})(scope, receive, send)
             return
-        if door is not None:
+        if prefix is not None:
             path = scope["path"].rstrip("/")
-            scope["path"] = path if path.startswith(door) else door + path
+            scope["path"] = path if path.startswith(prefix) else prefix + path
             scope["raw_path"] = scope["path"].encode()
         await self._app(scope, receive, send)
 
-    def _door(self, scope: Scope) -> str | None:
+    def _prefix(self, scope: Scope) -> str | None:
         server = scope.get("server")
-        return self._doors.get(server[1]) if scope["type"] in ("http", "websocket") and server else None
+        return self._paths.get(server[1]) if scope["type"] in ("http", "websocket") and server else None
 
 
 class QueryToken:
@@ -71,7 +79,11 @@ class QueryToken:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The very scope of the server is changed: it logs the query string, too."""
-        if scope["type"] in ("http", "websocket") and b"token" in scope["query_string"] and takes_token(scope["path"]):
+        if (
+            scope["type"] in ("http", "websocket")
+            and b"token" in scope["query_string"]
+            and accepts_query_token(scope["path"])
+        ):
             pairs = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
             if tokens := [value for name, value in pairs if name == "token"]:  # none: a name like it, and no credential
                 scope[TOKEN_KEY] = tokens

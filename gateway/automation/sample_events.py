@@ -1,19 +1,19 @@
-"""Stored samples as happenings: each message as JSON, within bounds, or only named where nobody here can read it."""
+"""Stored samples as events: each message as JSON, within bounds, or only named where nobody here can read it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.decoder import Decoder
+from gateway.domain.automation.gateway_event import TOPIC, GatewayEvent
 from gateway.domain.channel import Channel
-from gateway.domain.happening import TOPIC, Happening
+from gateway.domain.decoder import Decoder
 from gateway.domain.sample import Sample
 from gateway.store.writes import StreamWrite
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["SampleReader", "sample_happening"]
+__all__ = ["SampleReader", "sample_event"]
 
 
 class SampleReader:
@@ -28,14 +28,14 @@ class SampleReader:
         """Another commit, or page of history."""
         self._room = self._limits.rule_decoded_bytes
 
-    def happenings(self, write: StreamWrite) -> Iterator[Happening]:
+    def gateway_events(self, write: StreamWrite) -> Iterator[GatewayEvent]:
         """Every sample of a write; one without samples has none."""
         if write.run is None:
             return
         for sample in write.run.samples():
             yield self.read(write.robot, write.stream_id, write.epoch, sample)
 
-    def read(self, robot: str, stream_id: int, epoch: int, sample: Sample) -> Happening:
+    def read(self, robot: str, stream_id: int, epoch: int, sample: Sample) -> GatewayEvent:
         """One sample. What is sealed, too large, past the bound of this commit, or of no known type is omitted."""
         size = len(sample.payload)
         said: dict[str, Any] = {}
@@ -52,14 +52,14 @@ class SampleReader:
                 reason = error.code
         if reason:
             said["omitted"] = {"reason": reason, "size_bytes": size, "stream": stream_id, "epoch": str(epoch)}
-        return sample_happening(robot, stream_id, epoch, sample.seq, sample.stamp_ns, sample.channel, said)
+        return sample_event(robot, stream_id, epoch, sample.seq, sample.stamp_ns, sample.channel, said)
 
 
-def sample_happening(
+def sample_event(
     robot: str, stream_id: int, epoch: int, seq: int, stamp_ns: int, channel: Channel, said: dict[str, Any]
-) -> Happening:
-    """The happening of a sample; `said` has its `message`, or why it is `omitted`."""
-    return Happening(
+) -> GatewayEvent:
+    """The event of a sample; `said` has its `message`, or why it is `omitted`."""
+    return GatewayEvent(
         id=f"{robot}/{stream_id}/{epoch}/{seq}",
         type=TOPIC,
         source="metaros.topic",

@@ -1,4 +1,4 @@
-"""What a restored store must not go on with: it is of an earlier time, and the world is not.
+"""Invalidates what a restored, older store must not continue: sessions, tokens, running rollouts, version counters.
 
 Rights and promises that had an end may have been used or taken back since, counters that others have seen must never
 go back, and what was under way is not any more. What this cannot know is listed for whoever restores: see
@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import orjson
 
-from gateway.store.audit import AuditEvent, append
+from gateway.store.accounts.audit import AuditEvent, append
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import raise_versions
+from gateway.store.fleet.updates import raise_versions
 
-__all__ = ["RESTORED", "Aged", "age"]
+__all__ = ["RESTORED", "Invalidated", "invalidate"]
 
 RESTORED = "restored"  # the key in `meta`
-ONLINE_ROLES = ("snapshot", "timestamp")  # what the gateway signs itself, see gateway/updates/roles.py
+ONLINE_ROLES = ("snapshot", "timestamp")  # what the gateway signs itself, see gateway/fleet/updates/roles.py
 
 _ENDED = (
     "DELETE FROM meta WHERE key LIKE 'hold/%'",  # the backup's own
@@ -37,8 +37,8 @@ _FENCES = "UPDATE node_leases SET epoch = ? WHERE epoch < ?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Aged:
-    """What was ended, and what is valid again if it was when the backup was taken."""
+class Invalidated:
+    """What was invalidated, and how many credentials are valid again as of the backup's time."""
 
     sessions: int
     tokens: int
@@ -48,7 +48,7 @@ class Aged:
     robots: int
 
 
-def age(engine: StoreEngine, *, taken_ns: int, now_ns: int, taken: str, who: str) -> Aged:
+def invalidate(engine: StoreEngine, *, taken_ns: int, now_ns: int, taken: str, who: str) -> Invalidated:
     """Bring a restored store to today; inside a writing transaction. `taken`: the backup's time, for people; `who`
     restored it.
     """
@@ -64,7 +64,7 @@ def age(engine: StoreEngine, *, taken_ns: int, now_ns: int, taken: str, who: str
     put = "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
     engine.execute(put, RESTORED, orjson.dumps({"taken_ns": taken_ns, "restored_ns": now_ns}).decode())
     append(engine, [_audited(now_ns, taken, who)])
-    return Aged(
+    return Invalidated(
         sessions=sessions,
         tokens=tokens,
         rollouts=rollouts,

@@ -1,4 +1,4 @@
-"""What a backup says of itself: a small JSON file, written last, and a list of checksums that `sha256sum -c` reads.
+"""A backup's manifest: a small JSON file, written last, and a list of checksums that `sha256sum -c` reads.
 
 A backup is a folder: `gateway.sqlite`, `objects/…`, perhaps `master.key`, `SHA256SUMS` and `manifest.json`. A folder
 without the last one is none.

@@ -1,4 +1,4 @@
-"""Make a store of a backup: objects first, the database last and at once. Before that there is none, after it it is.
+"""Restores a store from a backup: objects first, then the database in one step, which completes the restore.
 
 Whoever is broken off begins again: objects that are there already are not sent a second time. The database comes from
 a copy that was brought up to date and to today beside its place.
@@ -13,19 +13,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.backup.aged import Aged, age
+from gateway.backup.invalidate import Invalidated, invalidate
 from gateway.backup.manifest import OBJECTS, Manifest, key_mark, moment, read_sums
 from gateway.backup.snapshot import OnStep, settle
 from gateway.backup.tables import copy_rows, occupied
 from gateway.backup.verify import verify
 from gateway.errors import CorruptObjectError
+from gateway.identity.certificates.root_key import sync_folder, write_secret
 from gateway.identity.master import MASTER_KEY, key_file, read_key_file
-from gateway.identity.root_key import sync_folder, write_secret
-from gateway.objects import ObjectStore
-from gateway.private_dir import make_private
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
-from gateway.store.mark import MARK
+from gateway.store.object_store_marker import MARK
+from gateway.store.objects import ObjectStore
+from gateway.store.private_dir import make_private
 from gateway.store.schema import MIGRATIONS
 from gateway.store.sqlite import DATABASE, SqliteEngine
 from gateway.store.store import lock_folder
@@ -40,7 +40,7 @@ class Restored(NamedTuple):
 
     manifest: Manifest
     sent: int
-    aged: Aged
+    invalidated: Invalidated
     keyless: bool
 
 
@@ -67,13 +67,13 @@ def restore(
         key = _key_of(backup, manifest, folder)
         _own(backup, objects)
         with tempfile.TemporaryDirectory(prefix=".restore-", dir=folder) as stage:
-            aged = _stage(backup, Path(stage), manifest, clock=clock, who=who)
+            invalidated = _stage(backup, Path(stage), manifest, clock=clock, who=who)
             sent = _send(backup, objects, manifest, on_step)
             if manifest.with_master_key and not key_file(folder).exists():
                 write_secret(key_file(folder), key)
             _publish(Path(stage), target, folder, on_step)
     keyless = bool(manifest.master_key) and not key_file(folder).exists()
-    return Restored(manifest, sent, aged, keyless)
+    return Restored(manifest, sent, invalidated, keyless)
 
 
 @contextlib.contextmanager
@@ -121,7 +121,7 @@ def _own(backup: Path, objects: ObjectStore) -> None:
             raise ConfigError(f"{objects.where} has the objects of another store: see --objects")
 
 
-def _stage(backup: Path, stage: Path, manifest: Manifest, *, clock: Clock, who: str) -> Aged:
+def _stage(backup: Path, stage: Path, manifest: Manifest, *, clock: Clock, who: str) -> Invalidated:
     """The database in a folder beside its place, with today's tables, and fit for today."""
     shutil.copyfile(backup / DATABASE, stage / DATABASE)
     engine = SqliteEngine(stage)
@@ -129,12 +129,12 @@ def _stage(backup: Path, stage: Path, manifest: Manifest, *, clock: Clock, who: 
         engine.open()
         with engine.transaction(write=True):
             taken = moment(manifest.taken_ns)
-            aged = age(engine, taken_ns=manifest.taken_ns, now_ns=clock.wall_ns(), taken=taken, who=who)
+            invalidated = invalidate(engine, taken_ns=manifest.taken_ns, now_ns=clock.wall_ns(), taken=taken, who=who)
     finally:
         engine.close()
     settle(stage / DATABASE)
     (stage / DATABASE).chmod(0o600)
-    return aged
+    return invalidated
 
 
 def _send(backup: Path, objects: ObjectStore, manifest: Manifest, on_step: OnStep) -> int:

@@ -1,4 +1,4 @@
-"""The database of one moment as an SQLite file, also where it is PostgreSQL: one form, which every program can open.
+"""A consistent snapshot of the database as an SQLite file, also where the database is PostgreSQL.
 
 SQLite copies its own pages inside one reading transaction; PostgreSQL's rows are read inside one that sees a single
 moment. Nobody who writes waits for either, and no tool of the database is needed. What is kept in the one can be

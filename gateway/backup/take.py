@@ -1,7 +1,7 @@
-"""Take a backup: the database of one moment, then every object that it refers to, then the word that all is there.
+"""Takes a backup: a database snapshot, then every object that it refers to, then the manifest that completes it.
 
 It is made beside its place, and gets its name when all of it is on the disk: what has the name is whole. Objects are
-held in the store until they are copied, see `gateway/store/hold.py`; their bytes go through checksums on the way.
+held in the store until they are copied, see `gateway/store/object_hold.py`; their bytes are checksummed on the way.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ import metaros
 from gateway.backup.manifest import MANIFEST, OBJECTS, SUMS, Manifest, Part, key_mark, sum_of, write_line
 from gateway.backup.snapshot import OnStep, facts_of, snapshot
 from gateway.errors import DamagedError
+from gateway.identity.certificates.root_key import sync_folder, write_secret
 from gateway.identity.master import MASTER_KEY, key_file, next_file, read_key_file
-from gateway.identity.root_key import sync_folder, write_secret
-from gateway.objects import DirectoryStore, ObjectStore, chunks
 from gateway.store.engine import StoreEngine
-from gateway.store.hold import hold_objects, release_objects
 from gateway.store.ledger import in_transaction
-from gateway.store.mark import find_mark
+from gateway.store.object_hold import hold_objects, release_objects
+from gateway.store.object_store_marker import find_marker
+from gateway.store.objects import DirectoryStore, ObjectStore, chunks
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
-__all__ = ["Kept", "kept_objects", "take"]
+__all__ = ["ReferencedObject", "referenced_objects", "take"]
 
 PARTIAL = ".partial"
 RENEW_S = 60.0
@@ -41,7 +41,7 @@ _KEPT = (
 )
 
 
-class Kept(NamedTuple):
+class ReferencedObject(NamedTuple):
     """An object that a store refers to."""
 
     name: str
@@ -109,7 +109,7 @@ def take(
         StoreError, ObjectStoreError: one of the stores cannot be read now; nothing is left of the backup.
     """
     store_id, schema = facts_of(engine, where)
-    find_mark(engine, objects)
+    find_marker(engine, objects)
     key = _master_key(data_dir, needed=with_master_key)
     partial = _place(folder)
     hold = _Hold(engine, clock, secrets.token_hex(8))
@@ -144,12 +144,12 @@ def take(
     return manifest
 
 
-def kept_objects(database: Path) -> Iterator[Kept]:
+def referenced_objects(database: Path) -> Iterator[ReferencedObject]:
     """The objects that the copy of a database refers to, by name; it is not written to."""
     uri = f"{database.absolute().as_uri()}?mode=ro&immutable=1"
     with contextlib.closing(sqlite3.connect(uri, uri=True)) as copy:
         for row in copy.execute(_KEPT):
-            yield Kept(*row)
+            yield ReferencedObject(*row)
 
 
 def _copy_objects(
@@ -157,14 +157,14 @@ def _copy_objects(
 ) -> tuple[int, int, list[str]]:
     """How many there are, how large they and the database are; and the names of those that the store has no more."""
     total = size_bytes = 0
-    for one in kept_objects(database):
+    for one in referenced_objects(database):
         total, size_bytes = total + 1, size_bytes + one.size_bytes
     free = shutil.disk_usage(folder).free
     if free < size_bytes:
         raise ConfigError(f"the objects have {size_bytes} bytes, and where the backup is to be {free} are free")
     copies, damaged, count = DirectoryStore(folder / OBJECTS), [], 0
     with _private(folder / SUMS) as sums:
-        for done, one in enumerate(kept_objects(database), 1):
+        for done, one in enumerate(referenced_objects(database), 1):
             source = io.BufferedReader(_Stream(chunks(objects, one.name), keep))
             try:
                 copies.put(one.name, source, size_bytes=one.size_bytes, sha256=one.sha256)

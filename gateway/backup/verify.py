@@ -1,4 +1,4 @@
-"""Is a backup what it was when it was taken, and is everything in it?"""
+"""Verifies a backup: is every file unchanged, and is every object there?"""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from gateway.backup.manifest import OBJECTS, SUMS, Manifest, Part, read_manifest, read_sums, sum_of
 from gateway.backup.snapshot import OnStep
-from gateway.backup.take import kept_objects
+from gateway.backup.take import referenced_objects
 from gateway.errors import DamagedError
 from gateway.store.sqlite import DATABASE
 
@@ -71,7 +71,7 @@ def _faults_inside(folder: Path, manifest: Manifest) -> Iterator[str]:
             yield f"{DATABASE}: it is another store's"
         listed = (part for part in read_sums(folder) if part.name.startswith(f"{OBJECTS}/"))
         there = next(listed, None)
-        for one in kept_objects(folder / DATABASE):
+        for one in referenced_objects(folder / DATABASE):
             if there == Part(one.sha256, f"{OBJECTS}/{one.name}"):
                 there = next(listed, None)
             elif one.name not in manifest.damaged:

@@ -1,4 +1,4 @@
-"""Where `metaros user`, `metaros key` and `metaros signin` do their work: on a running gateway, or in its store itself.
+"""Where `metaros user`, `metaros key` and `metaros signin` work: on a running gateway, or directly in its store.
 
 Whoever can read a gateway's data directory may do everything there: so the first key of a gateway is made before the
 gateway has ever run, and who is locked out comes in again.
@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from metaros.cli.gateway_http import GatewayClient, open_gateway
+from gateway.cli.data_dir import gateway_dir
+from metaros.cli.shared.gateway_http import GatewayClient, open_gateway
 from metaros.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ LocalDir = Annotated[
     typer.Option(
         "--data-dir",
         file_okay=False,
+        callback=gateway_dir,
         metavar="DIR",
         help="Work in this data directory of a gateway, which may run or not, instead of asking one.",
     ),
@@ -68,7 +70,7 @@ class LocalStore:
 
     def change(self, action: str, target: str, job: Callable[[StoreEngine], Result]) -> Result:
         """A job that changes something: it and its row in the audit log are kept together, or neither is."""
-        from gateway.store.audit import AuditEvent, append
+        from gateway.store.accounts.audit import AuditEvent, append
 
         event = AuditEvent(
             at_ns=self.now_ns,
@@ -116,10 +118,10 @@ def local_store(data_dir: Path | None, store: str) -> Iterator[LocalStore]:
     Raises:
         ConfigError: it cannot be used.
     """
-    from gateway.private_dir import make_private
     from gateway.settings import default_data_dir
     from gateway.store.engines import open_engine
     from gateway.store.ledger import in_transaction
+    from gateway.store.private_dir import make_private
     from metaros.clock import SystemClock
 
     folder = make_private(data_dir or default_data_dir())

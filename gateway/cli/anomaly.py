@@ -34,7 +34,7 @@ def _noun() -> None:
 
 def _score(file: File = Path("-")) -> None:
     """Print one score in [0, 1] a row, as the rows come; 0.5 and more is an alert. All with the fixed parameters."""
-    from gateway.anomaly.stream import Stream
+    from gateway.alerting.anomaly.detectors.stream import Stream
 
     stream = Stream()
     with ExitStack() as opened:

@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_accounts import LocalDir, client_or_none
-from gateway.cli_options import ObjectsUrl, StoreUrl
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from gateway.cli.accounts import LocalDir, client_or_none
+from gateway.cli.options import ObjectsUrl, StoreUrl
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 from metaros.errors import ConfigError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -69,10 +69,10 @@ def _verify(
 def _prove_here(data_dir: Path | None, store: str, objects: str) -> dict[str, Any]:
     """The same in a store on this machine, whose gateway may run or not; nothing is made that is not there."""
     from gateway.identity.master import MasterKey, key_file
-    from gateway.objects import open_objects
     from gateway.settings import default_data_dir
-    from gateway.store.audit_proof import prove
+    from gateway.store.accounts.audit_proof import prove
     from gateway.store.engines import open_engine
+    from gateway.store.objects import open_objects
     from gateway.store.sqlite import DATABASE
 
     folder = data_dir or default_data_dir()
@@ -97,9 +97,9 @@ def _row(item: dict[str, Any]) -> tuple[str, ...]:
 
 def _show(out: Output, found: dict[str, Any]) -> None:
     for fault in found["faults"]:
-        out.line(inert(f"row {fault['number']}: {fault['fault']}: {fault['detail']}"))
+        out.line(sanitize(f"row {fault['number']}: {fault['fault']}: {fault['detail']}"))
     if found["heads_error"]:
-        out.line(inert(f"the exported heads cannot be read: {found['heads_error']}"))
+        out.line(sanitize(f"the exported heads cannot be read: {found['heads_error']}"))
     heads = f"{counted(found['heads'], 'exported head')}, {found['heads_sealed']} sealed with this gateway's key"
     out.line(f"{'the log holds' if found['ok'] else 'THE LOG DOES NOT HOLD'}: {counted(found['rows'], 'row')}, {heads}")
-    out.line(inert(f"head: row {found['rows']} {found['hash']}"))
+    out.line(sanitize(f"head: row {found['rows']} {found['hash']}"))

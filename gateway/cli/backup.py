@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gateway.cli_options import DataDir, ObjectsUrl
-from gateway.cli_options import StoreUrl as StoreUrlOption
+from gateway.cli.options import DataDir, ObjectsUrl
+from gateway.cli.options import StoreUrl as StoreUrlOption
 from gateway.settings import default_data_dir
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 if TYPE_CHECKING:
     from gateway.backup.restore import Restored
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -48,8 +48,8 @@ def _take(
     from gateway.backup.snapshot import open_existing
     from gateway.backup.take import take
     from gateway.identity.master import key_file
-    from gateway.objects import open_objects
-    from metaros.cli.output import Output, counted, human_bytes
+    from gateway.store.objects import open_objects
+    from metaros.cli.shared.output import Output, counted, human_bytes
     from metaros.clock import SystemClock
 
     out, home = Output(output), data_dir or default_data_dir()
@@ -85,7 +85,7 @@ def _verify(folder: Folder, output: FormatOption = Format.TEXT) -> None:
     """Read a backup through: checksums, the database, and every object that it refers to. Exit code 1 if damaged."""
     from gateway.backup.manifest import moment
     from gateway.backup.verify import verify
-    from metaros.cli.output import Output, counted
+    from metaros.cli.shared.output import Output, counted
 
     out = Output(output)
     found = verify(folder, on_step=_Progress())
@@ -112,8 +112,8 @@ def _restore(
 ) -> None:
     """Make a store of a backup, where there is none and no gateway runs. Run it again if it was broken off."""
     from gateway.backup.restore import restore
-    from gateway.objects import open_objects
-    from metaros.cli.output import Output
+    from gateway.store.objects import open_objects
+    from metaros.cli.shared.output import Output
     from metaros.clock import SystemClock
 
     out, home = Output(output), data_dir or default_data_dir()
@@ -134,17 +134,17 @@ def _show(out: Output, done: Restored, home: Path) -> None:
     """What was restored, what was ended by it, and what nobody but its people can know."""
     from gateway.backup.manifest import moment
     from gateway.identity.master import key_file
-    from metaros.cli.output import counted
+    from metaros.cli.shared.output import counted
 
-    aged, when = done.aged, moment(done.manifest.taken_ns)
+    invalidated, when = done.invalidated, moment(done.manifest.taken_ns)
     out.line(f"restored the store of {when}: {counted(done.manifest.objects, 'object')}, {done.sent} of them sent")
     out.line(
-        f"ended: {counted(aged.sessions, 'sign-in')}, {counted(aged.tokens, 'enrolment token')};"
-        f" paused: {counted(aged.rollouts, 'rollout')}"
+        f"ended: {counted(invalidated.sessions, 'sign-in')}, {counted(invalidated.tokens, 'enrolment token')};"
+        f" paused: {counted(invalidated.rollouts, 'rollout')}"
     )
     out.line(
-        f"valid as at that time: {counted(aged.users, 'user')}, {counted(aged.keys, 'API key')},"
-        f" {counted(aged.robots, 'enrolled robot')}"
+        f"valid as at that time: {counted(invalidated.users, 'user')}, {counted(invalidated.keys, 'API key')},"
+        f" {counted(invalidated.robots, 'enrolled robot')}"
     )
     out.line("Whoever was removed or revoked since then gets in again: remove and revoke them before robots and")
     out.line("people reach the gateway: metaros user list, metaros key list, metaros enrol list.")
@@ -155,7 +155,7 @@ def _show(out: Output, done: Restored, home: Path) -> None:
 def _counts(done: Restored) -> dict[str, Any]:
     from dataclasses import asdict
 
-    return asdict(done.aged)
+    return asdict(done.invalidated)
 
 
 def _document(manifest: Any) -> dict[str, Any]:

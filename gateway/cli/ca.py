@@ -1,4 +1,4 @@
-"""`metaros ca`: the fleet's issuer and its root, how they follow one another, and when those before go.
+"""`metaros ca`: the fleet's issuer and its root: list, rotate, renew, retire.
 
 It works in the data directory of the gateway that has the root's key, whether its gateway runs or not; every gateway on
 that store follows within seconds. There is no way to it over the network.
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gateway.cli_accounts import LocalDir, local_store
-from gateway.cli_options import StoreUrl
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from gateway.cli.accounts import LocalDir, local_store
+from gateway.cli.options import StoreUrl
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 
 if TYPE_CHECKING:
-    from gateway.identity.rotation import Issuer
+    from gateway.identity.certificates.rotation import Issuer
 
 __all__ = ["register"]
 
@@ -37,7 +37,7 @@ def register(app: typer.Typer) -> None:
 
 def _list(data_dir: LocalDir = None, store: StoreUrl = "", output: FormatOption = Format.TEXT) -> None:
     """The issuers that the fleet recognises, the newest first, and how many robots hold a certificate of each."""
-    from gateway.identity.rotation import issuers
+    from gateway.identity.certificates.rotation import issuers
 
     out = Output(output)
     with local_store(data_dir, store) as here:
@@ -53,7 +53,7 @@ def _rotate(
     root: Root = False, data_dir: LocalDir = None, store: StoreUrl = "", output: FormatOption = Format.TEXT
 ) -> None:
     """Make the next issuer; those before are recognised until `metaros ca retire`."""
-    from gateway.identity.rotation import rotate_issuer, rotate_root, settle
+    from gateway.identity.certificates.rotation import rotate_issuer, rotate_root, settle
 
     out = Output(output)
     with local_store(data_dir, store) as here:
@@ -71,7 +71,7 @@ def _rotate(
 
 def _renew(data_dir: LocalDir = None, store: StoreUrl = "", output: FormatOption = Format.TEXT) -> None:
     """Ask every robot to renew its certificate now, or when it comes back: its link is cut for a moment."""
-    from gateway.store.issuers import set_renew_before
+    from gateway.store.accounts.issuers import set_renew_before
 
     out = Output(output)
     with local_store(data_dir, store) as here:
@@ -87,7 +87,7 @@ def _retire(
     force: Force = False, data_dir: LocalDir = None, store: StoreUrl = "", output: FormatOption = Format.TEXT
 ) -> None:
     """Recognise the newest issuer alone, and trust its root alone. Refused while a robot would be left behind."""
-    from gateway.identity.rotation import retire, settle
+    from gateway.identity.certificates.rotation import retire, settle
 
     out = Output(output)
     with local_store(data_dir, store) as here:
@@ -102,7 +102,7 @@ def _retire(
 
 
 def _document(one: Issuer) -> dict[str, Any]:
-    from gateway.api.views import rfc3339
+    from gateway.api.views.robots import rfc3339
 
     return {
         "id": one.id,
@@ -115,6 +115,6 @@ def _document(one: Issuer) -> dict[str, Any]:
 
 
 def _row(one: Issuer) -> tuple[str, ...]:
-    told = _document(one)
-    made, ends = told["made"][:16], told["ends"][:10]
+    document = _document(one)
+    made, ends = document["made"][:16], document["ends"][:10]
     return one.id[:PIN_CHARS], one.root_pin[:PIN_CHARS], one.state, made, ends, str(one.robots)

@@ -11,14 +11,14 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_pairs import pairs
+from gateway.cli.name_values import pairs
 from gateway.errors import GatewayError
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
-from metaros.cli.watching import WatchOption, watch
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
+from metaros.cli.shared.watch import WatchOption, watch
 from metaros.errors import UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -87,7 +87,7 @@ def _send(
     if not sent["robots"]:
         raise GatewayError(f"no robot {robot!r} is known" if robot else f"no robot is {selector}")
     commands = sent["commands"] if not wait else [_follow(client, item, wait) for item in sent["commands"]]
-    _tell(out, {**sent, "commands": commands}, dry_run=dry_run)
+    _report(out, {**sent, "commands": commands}, dry_run=dry_run)
     failed = [item for item in commands if item["state"] in ("failed", "expired")]
     if failed or sent["refused"]:
         raise GatewayError(f"{counted(len(failed) + len(sent['refused']), 'robot')} did not do it")
@@ -125,7 +125,7 @@ def _show(command_id: Id, gateway: GatewayOption = "", output: FormatOption = Fo
     for name, value in found.items():
         if value not in (None, ""):
             text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-            out.line(f"{name.replace('_', ' '):16} {inert(text)}")
+            out.line(f"{name.replace('_', ' '):16} {sanitize(text)}")
 
 
 def _cancel(command_id: Id, gateway: GatewayOption = "") -> None:
@@ -143,7 +143,7 @@ def _follow(client: GatewayClient, item: dict[str, Any], wait_s: float) -> dict[
     return item
 
 
-def _tell(out: Output, sent: Mapping[str, Any], *, dry_run: bool) -> None:
+def _report(out: Output, sent: Mapping[str, Any], *, dry_run: bool) -> None:
     if out.json:
         out.objects(dict(sent))
         return
@@ -153,7 +153,7 @@ def _tell(out: Output, sent: Mapping[str, Any], *, dry_run: bool) -> None:
         return
     _table(out, sent["commands"])
     for robot, why in sent["refused"].items():
-        out.note(f"{robot}: {why['code']}: {inert(why['message'])}")
+        out.note(f"{robot}: {why['code']}: {sanitize(why['message'])}")
 
 
 def _table(out: Output, found: Sequence[Mapping[str, Any]]) -> None:
@@ -166,7 +166,7 @@ def _row(item: Mapping[str, Any]) -> Sequence[object]:
     note = f"{item['code']}: {item['message']}" if item["code"] else result
     moment = f"{item['issued'][5:10]} {item['issued'][11:19]}"
     short = note if len(note) <= 60 else f"{note[:59]}…"
-    return item["id"], item["robot"], item["kind"], item["state"], moment, inert(item["issued_by"]), inert(short)
+    return item["id"], item["robot"], item["kind"], item["state"], moment, sanitize(item["issued_by"]), sanitize(short)
 
 
 def _seconds(text: str) -> float:

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_backup import register as register_backup
-from gateway.cli_options import (
+from gateway.cli.backup import register as register_backup
+from gateway.cli.options import (
     Cluster,
     DataDir,
     EventRetentionDays,
@@ -19,9 +19,9 @@ from gateway.cli_options import (
     RetentionRules,
     StoreUrl,
 )
-from gateway.cli_rekey import register as register_rekey
-from gateway.cli_store import register as register_store
-from gateway.ports import NO_PORT
+from gateway.cli.rekey import register as register_rekey
+from gateway.cli.store.commands import register as register_store
+from gateway.server.ports import NO_PORT
 from gateway.settings import MIB, Settings, default_data_dir
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS

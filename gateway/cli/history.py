@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.inert import inert
+from metaros.cli.shared.gateway_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -48,7 +48,7 @@ def register(app: typer.Typer) -> None:
 
 def _topics(robot: Robot, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
     """Which topics of a robot are stored, and how much of them."""
-    from metaros.cli.output import Output, human_bytes
+    from metaros.cli.shared.output import Output, human_bytes
 
     out = Output(output)
     answer = open_gateway(gateway).get(f"/api/v1/robots/{path_part(robot)}/history")
@@ -88,7 +88,7 @@ def _messages(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Stored messages, decoded, a line each."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     gaps: list[Any] = []
@@ -98,11 +98,11 @@ def _messages(
             out.object_line(message)
             continue
         shown = message["message"] if "error" not in message else message["error"]
-        out.line(inert(f"{message['stamp']}  {message['topic']}  {json.dumps(shown, ensure_ascii=False)}"))
+        out.line(sanitize(f"{message['stamp']}  {message['topic']}  {json.dumps(shown, ensure_ascii=False)}"))
     lost = sum(gap["count"] for gap in gaps)
     if lost:
         reasons = ", ".join(sorted({gap["reason"] for gap in gaps}))
-        out.note(inert(f"{lost} samples of that time are lost: {reasons}"))
+        out.note(sanitize(f"{lost} samples of that time are lost: {reasons}"))
 
 
 def _pages(
@@ -130,7 +130,7 @@ def _export(
     gateway: GatewayOption = "",
 ) -> None:
     """Write stored messages of some robots to an MCAP file."""
-    from metaros.cli.output import Output, human_bytes
+    from metaros.cli.shared.output import Output, human_bytes
     from metaros.errors import ConfigError
 
     out = Output()
@@ -151,19 +151,19 @@ def _export(
 
 def _save(answer: Answer, path: Path) -> int:
     """The answer's body in a file; PeerError unless it is a whole MCAP file."""
-    from metaros.cli.output import human_bytes
+    from metaros.cli.shared.output import human_bytes
     from metaros.errors import PeerError
 
-    size_bytes, told_bytes, end = 0, 0, b""
+    size_bytes, reported_bytes, end = 0, 0, b""
     with path.open("wb") as output:
         for piece in answer.pieces():
             output.write(piece)
             size_bytes += len(piece)
             end = (end + piece)[-len(MAGIC) :]
-            if sys.stderr.isatty() and size_bytes - told_bytes >= SHOWN_BYTES:
-                told_bytes = size_bytes
+            if sys.stderr.isatty() and size_bytes - reported_bytes >= SHOWN_BYTES:
+                reported_bytes = size_bytes
                 sys.stderr.write(f"\r{human_bytes(size_bytes)}\x1b[K")
-    if told_bytes:
+    if reported_bytes:
         sys.stderr.write("\r\x1b[K")
     if end != MAGIC:
         raise PeerError(f"the gateway ended the file early, after {human_bytes(size_bytes)}; nothing is kept of it")

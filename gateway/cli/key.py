@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_accounts import LocalDir, Robots, RoleOption, checked_role, client_or_none, life_s, local_store
-from gateway.cli_options import StoreUrl
-from metaros.cli.gateway_http import GatewayOption, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
-from metaros.inert import inert
+from gateway.cli.accounts import LocalDir, Robots, RoleOption, checked_role, client_or_none, life_s, local_store
+from gateway.cli.options import StoreUrl
+from metaros.cli.shared.gateway_http import GatewayOption, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -56,13 +56,13 @@ def _create(
     if out.json:
         out.objects(made)
         return
-    out.line(inert(made["key"]))
-    out.note(f"key {inert(made['id'])}, {inert(made['role'])}: it is not shown again")
+    out.line(sanitize(made["key"]))
+    out.note(f"key {sanitize(made['id'])}, {sanitize(made['role'])}: it is not shown again")
 
 
 def _create_here(data_dir: Path | None, store: str, wanted: dict[str, Any]) -> Any:
     """The same in a store on this machine: a key of nobody's."""
-    from gateway.api.views_identity import new_key_view
+    from gateway.api.views.identity import new_key_view
     from gateway.domain.principal import Role
     from gateway.identity.keys import KeyRequest, create_key
     from gateway.identity.users import checked_robots
@@ -96,9 +96,9 @@ def _list(
 
 
 def _list_here(data_dir: Path | None, store: str) -> list[dict[str, Any]]:
-    from gateway.api.views_identity import key_view
-    from gateway.store.accounts import list_users
-    from gateway.store.api_keys import list_keys
+    from gateway.api.views.identity import key_view
+    from gateway.store.accounts.api_keys import list_keys
+    from gateway.store.accounts.users import list_users
     from metaros.limits import LIMITS
 
     with local_store(data_dir, store) as here:

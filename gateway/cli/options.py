@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli.data_dir import gateway_dir
+
 __all__ = [
     "Cluster",
     "DataDir",
@@ -19,7 +21,10 @@ __all__ = [
     "StoreUrl",
 ]
 
-DataDir = Annotated[Path | None, typer.Option(file_okay=False, help="Where data is kept; default ~/.metaros/gateway.")]
+DataDir = Annotated[
+    Path | None,
+    typer.Option(file_okay=False, callback=gateway_dir, help="Where data is kept; default ~/.metaros/gateway."),
+]
 StoreUrl = Annotated[
     str,
     typer.Option(

@@ -14,12 +14,12 @@ import typer
 
 from gateway.domain.robot import is_robot_id
 from gateway.errors import GatewayError
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, human_bytes
-from metaros.cli.watching import WatchOption, watch
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, human_bytes
+from metaros.cli.shared.watch import WatchOption, watch
 from metaros.errors import ConfigError, PeerError, UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -84,12 +84,12 @@ def _save(
     body = {**span, "topics": topics or []}
     saved = client.post(f"/api/v1/robots/{path_part(robot)}/recordings", body)
     if wait:
-        out.note(inert(f"recording {saved['id']} of {robot}"))
+        out.note(sanitize(f"recording {saved['id']} of {robot}"))
         saved = _follow(client, saved, out)
     if out.json:
         out.objects(saved)
     else:
-        out.line(inert(saved["id"]))
+        out.line(sanitize(saved["id"]))
     if saved["state"] == "failed":
         raise GatewayError(f"the recording failed: {saved['message'] or saved['code']}")
 
@@ -145,7 +145,7 @@ def _follow(client: GatewayClient, item: dict[str, Any], out: Output) -> dict[st
     while item["state"] in UNFINISHED:
         text = _progress(item)
         if text != shown and (out.tty or _stage(text) != _stage(shown)):
-            out.note(inert(text))
+            out.note(sanitize(text))
         shown = text
         pause.wait(LOOK_S)
         item = client.get(f"/api/v1/recordings/{path_part(item['id'])}")

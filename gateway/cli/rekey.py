@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import typer
 
-from gateway.cli_accounts import LocalDir, local_store
-from gateway.cli_options import StoreUrl
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from gateway.cli.accounts import LocalDir, local_store
+from gateway.cli.options import StoreUrl
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 from metaros.errors import ConfigError
 
 __all__ = ["register"]

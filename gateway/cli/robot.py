@@ -1,4 +1,4 @@
-"""`metaros robot`: which robots belong to the fleet; tokens that enrol them, and the end of an identity."""
+"""`metaros robot`: the robots of the fleet: enrolment tokens, identities, revocation."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
-from metaros.cli.watching import WatchOption, watch
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
+from metaros.cli.shared.watch import WatchOption, watch
 from metaros.errors import UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["register"]
 
@@ -38,8 +38,8 @@ def _token(
     if out.json:
         out.objects(made)
         return
-    out.line(inert(made["command"]))
-    out.note(f"run it on the robot before {inert(made['expires'][:16])}Z; it works once and is not shown again")
+    out.line(sanitize(made["command"]))
+    out.note(f"run it on the robot before {sanitize(made['expires'][:16])}Z; it works once and is not shown again")
 
 
 def _list(
@@ -94,7 +94,7 @@ def _label(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Give a robot labels, over those that it says itself; without any, show them. Templates follow labels."""
-    from gateway.cli_twin import send, show_change
+    from gateway.cli.twin_change import send, show_change
 
     out, http, path = Output(output), open_gateway(gateway), f"/api/v1/robots/{path_part(robot)}"
     if labels:
@@ -107,7 +107,7 @@ def _label(
         out.objects(found)
         return
     for key, value in sorted(found.items()):
-        out.line(inert(f"{key}={value}"))
+        out.line(sanitize(f"{key}={value}"))
 
 
 def _one_label(text: str) -> tuple[str, str | None]:

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 from metaros.errors import UsageError
 
 __all__ = ["register"]

@@ -6,16 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
-from metaros.inert import inert
+from gateway.cli.twin_change import DryRun, Reason, read_document, send, show_changes, show_lines
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
+from metaros.sanitize import sanitize
 
 __all__ = ["add_templates"]
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="The template's name.")]
-Only = Annotated[bool, typer.Option("--dry-run", help="Only say what would change.")]
-Why = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for the history.")]
 
 
 def add_templates(app: typer.Typer) -> None:
@@ -57,8 +56,8 @@ def _set(
     priority: Annotated[
         int, typer.Option("--priority", min=-1000, max=1000, metavar="N", help="The higher, the later it is laid on.")
     ] = 0,
-    dry_run: Only = False,
-    reason: Why = "",
+    dry_run: DryRun = False,
+    reason: Reason = "",
     confirm_s: Annotated[
         float, typer.Option("--confirm-s", min=5.0, max=3600.0, metavar="SECONDS", help="The robots' confirm window.")
     ] = 60.0,
@@ -66,8 +65,6 @@ def _set(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Add a template or put another in its place: every robot takes it that it names, or none does."""
-    from gateway.cli_twin import read_document, send, show_changes
-
     body = {"selector": selector, "priority": priority, "document": read_document(file)}
     query = {"dry_run": dry_run, "reason": reason, "confirm_within_s": confirm_s}
     path = f"/api/v1/templates/{path_part(name)}"
@@ -76,14 +73,12 @@ def _set(
 
 def _remove(
     name: Name,
-    dry_run: Only = False,
-    reason: Why = "",
+    dry_run: DryRun = False,
+    reason: Reason = "",
     gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Take a template away; robots go on with what is left."""
-    from gateway.cli_twin import send, show_changes
-
     query = {"dry_run": dry_run, "reason": reason}
     path = f"/api/v1/templates/{path_part(name)}"
     show_changes(Output(output), send(open_gateway(gateway), "DELETE", path, {}, query=query))
@@ -96,8 +91,6 @@ def _history(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Who changed it, when and why, also when it is gone; the newest first."""
-    from gateway.cli_twin import show_lines
-
     out = Output(output)
     path = f"/api/v1/templates/{path_part(name)}/history"
     found = open_gateway(gateway).get(path, limit=limit)["entries"]
@@ -106,7 +99,7 @@ def _history(
         return
     for item in found:
         what = "removed" if item["removed"] else f"for {item['selector'] or 'every robot'}, priority {item['priority']}"
-        who, why = inert(item["author"]), inert(item["reason"])
+        who, why = sanitize(item["author"]), sanitize(item["reason"])
         out.line(f"{item['revision']}  {item['at'][:19]}Z  {who}  {what}  {why}".rstrip())
         show_lines(out, item["changes"], indent="    ")
 
@@ -114,19 +107,17 @@ def _history(
 def _revert(
     name: Name,
     revision: Annotated[int, typer.Argument(min=1, metavar="REVISION", help="Of `metaros twin template history`.")],
-    dry_run: Only = False,
-    reason: Why = "",
+    dry_run: DryRun = False,
+    reason: Reason = "",
     gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Put the template of an earlier revision in its place, also one that is gone."""
-    from gateway.cli_twin import send, show_changes
-
     query = {"dry_run": dry_run, "reason": reason}
     path = f"/api/v1/templates/{path_part(name)}/revert"
     show_changes(Output(output), send(open_gateway(gateway), "POST", path, {"revision": revision}, query=query))
 
 
 def _row(item: dict[str, Any]) -> tuple[str, ...]:
-    who, why = inert(item["author"]), inert(item["reason"])
+    who, why = sanitize(item["author"]), sanitize(item["reason"])
     return item["name"], str(item["priority"]), item["selector"] or "every", str(item["revision"]), who, why or "–"

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_template import add_templates
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
-from metaros.errors import ConfigError, UsageError
-from metaros.inert import inert
-from metaros.twin import ABSENT, Change, read
+from gateway.cli.template import add_templates
+from gateway.cli.twin_change import Confirm, DryRun, Reason, read_document, send, show_change, show_changes, show_lines
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
+from metaros.errors import UsageError
+from metaros.sanitize import sanitize
 
-__all__ = [
-    "Confirm",
-    "DryRun",
-    "Reason",
-    "read_document",
-    "register",
-    "send",
-    "show_change",
-    "show_changes",
-    "show_lines",
-]
+__all__ = ["register"]
 
 Robot = Annotated[str, typer.Argument(metavar="ROBOT", help="The robot's id.")]
 SomeRobot = Annotated[str, typer.Argument(metavar="[ROBOT]", help="One robot; or leave it out and give -l.")]
@@ -35,14 +23,6 @@ Label = Annotated[
     str, typer.Option("--selector", "-l", metavar="TERMS", help="label=value, label!=value, label in (a, b), label.")
 ]
 File = Annotated[str, typer.Argument(metavar="FILE|-|JSON", help="A JSON file, - for standard input, or {…} itself.")]
-DryRun = Annotated[bool, typer.Option("--dry-run", help="Only say what would change.")]
-Reason = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for the history.")]
-Confirm = Annotated[
-    float,
-    typer.Option(
-        "--confirm-s", min=5.0, max=3600.0, metavar="SECONDS", help="Robots go back without a confirmation in it."
-    ),
-]
 Expected = Annotated[
     str, typer.Option("--if-revision", metavar="N", help="Only if the twin is still at this revision, as 7 or 7.12.")
 ]
@@ -83,7 +63,7 @@ def _show(
     out.note(f"templates: {' '.join(found['templates']) or 'none'}; labels: {_labels(found['labels'])}")
     out.note(f"robot: {_standing(found)}")
     if found["problem"]:
-        out.note(f"problem: {inert(found['problem'])}")
+        out.note(f"problem: {sanitize(found['problem'])}")
     out.objects(found["desired"])
 
 
@@ -163,7 +143,7 @@ def _history(
         out.objects(found)
         return
     for item in found:
-        who, why = inert(item["author"]), inert(item["reason"])
+        who, why = sanitize(item["author"]), sanitize(item["reason"])
         out.line(f"{item['revision']}.{item['edition']}  {item['at'][:19]}Z  {who}  {why}")
         show_lines(out, item["changes"], indent="    ")
 
@@ -191,70 +171,6 @@ def _retry(robot: Robot, reason: Reason = "", gateway: GatewayOption = "", outpu
     show_change(Output(output), send(open_gateway(gateway), "POST", path, {}, query={"reason": reason}))
 
 
-def read_document(source: str) -> dict[str, Any]:
-    """A document of a file, of standard input, or as it is given; read as strictly as the gateway reads it."""
-    if source.lstrip().startswith("{"):
-        return read(source)
-    if source == "-":
-        return read(sys.stdin.buffer.read(1 << 20))
-    try:
-        return read(Path(source).read_bytes())
-    except OSError as error:
-        raise ConfigError(f"{source}: {error.strerror}") from None
-
-
-def send(
-    http: GatewayClient,
-    method: str,
-    path: str,
-    body: Mapping[str, Any],
-    *,
-    query: Mapping[str, Any],
-    expected: str = "",
-) -> Any:
-    """One change, with its options in the query; its answer."""
-    import json
-
-    headers = {"If-Match": f'"{expected}"'} if expected else {}
-    asked = {key: str(value).lower() if isinstance(value, bool) else value for key, value in query.items()}
-    with http.open(method, path, query={k: v for k, v in asked.items() if v != ""}, body=body, headers=headers) as got:
-        return json.loads(b"".join(got.pieces()))
-
-
-def show_change(out: Output, changed: dict[str, Any]) -> None:
-    """What a change did, or would do, to one robot."""
-    if out.json:
-        out.objects(changed)
-        return
-    show_lines(out, changed["changes"] or changed["own_changes"])
-    if changed["more"]:
-        out.note(f"and {changed['more']} more")
-    would = "would be" if changed["dry_run"] else "is" if changed["changed"] else "stays"
-    out.note(f"{changed['robot']} {would} at revision {changed['revision']}")
-
-
-def show_changes(out: Output, changed: dict[str, Any]) -> None:
-    """The same for many."""
-    if out.json:
-        out.objects(changed)
-        return
-    for item in changed["results"]:
-        if item["changed"]:
-            out.line(f"{item['robot']}  revision {item['revision']}")
-            show_lines(out, item["changes"] or item["own_changes"], indent="    ")
-    would = "would change" if changed["dry_run"] else "changed"
-    out.note(f"{would}: {counted(changed['changed'], 'robot')} of {changed['robots']}")
-
-
-def show_lines(out: Output, changes: list[dict[str, Any]], *, indent: str = "") -> None:
-    """Changes, one a line."""
-    colours = {"+": "32", "-": "31", "~": "33"}
-    for item in changes:
-        change = Change(item["path"], item.get("old", ABSENT), item.get("new", ABSENT))
-        text = inert(change.text)
-        out.line(indent + out.style(text, colours[text[0]]))
-
-
 def _row(item: dict[str, Any]) -> tuple[str, ...]:
     note = item["problem"] or item["message"] or item["code"]
     state = "in step" if item["in_step"] else item["state"] or "never reported"
@@ -264,7 +180,7 @@ def _row(item: dict[str, Any]) -> tuple[str, ...]:
 
 def _origin(found: dict[str, Any]) -> str:
     """Whose change it is, and why. The edition counts what changed nothing for the robot, as labels may."""
-    who, why = inert(found["author"]), inert(found["reason"])
+    who, why = sanitize(found["author"]), sanitize(found["reason"])
     said = f"revision {found['revision']}, edition {found['edition']}"
     return said + (f", by {who}" if who else "") + (f": {why}" if why else "")
 
@@ -275,11 +191,11 @@ def _standing(found: dict[str, Any]) -> str:
         return "has never reported"
     if found["in_step"]:
         return f"in step, lives by revision {said['applied']}"
-    message = inert(said["message"])
+    message = sanitize(said["message"])
     return f"lives by revision {said['applied']}; {said['state']} {said['revision']}" + (
         f": {message}" if message else ""
     )
 
 
 def _labels(labels: Mapping[str, str]) -> str:
-    return inert(" ".join(f"{key}={value}" for key, value in sorted(labels.items()))) or "none"
+    return sanitize(" ".join(f"{key}={value}" for key, value in sorted(labels.items()))) or "none"

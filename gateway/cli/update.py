@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, human_bytes
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, human_bytes
 from metaros.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
-    from gateway.updates.offline import Passphrase
+    from gateway.fleet.updates.offline import Passphrase
 
 __all__ = ["register"]
 
@@ -71,7 +71,7 @@ def _online_keys(
 
 def _init_root(folder: Folder, online: Online = None, passphrase_file: PassphraseFile = None) -> None:
     """Offline: make three keys of the root, one for targets, and the first root."""
-    from gateway.updates import offline
+    from gateway.fleet.updates import offline
 
     if online is None:
         raise UsageError("--online FILE is needed: metaros update online-keys prints it")
@@ -88,7 +88,7 @@ def _add(
     passphrase_file: PassphraseFile = None,
 ) -> None:
     """Offline: check a bundle and put it among those that the next signature names."""
-    from gateway.updates import offline
+    from gateway.fleet.updates import offline
 
     Output().line(offline.add(folder, bundle, group=group, passphrase=_passphrase(passphrase_file, new=True)))
 
@@ -107,7 +107,7 @@ def _sign(
     passphrase_file: PassphraseFile = None,
 ) -> None:
     """Offline: sign targets, a group's targets, or the root; each signature is a next version."""
-    from gateway.updates import offline
+    from gateway.fleet.updates import offline
 
     out, passphrase = Output(), _passphrase(passphrase_file)
     if role != "root":
@@ -128,7 +128,7 @@ def _sign(
 
 def _publish(folder: Folder, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
     """Upload what is signed, with its bundles; what the gateway has already is left out."""
-    from gateway.updates import offline
+    from gateway.fleet.updates import offline
 
     out, client, found = Output(output), open_gateway(gateway), offline.release(folder)
     there = {one["path"] for one in client.get("/api/v1/updates")["bundles"]}
@@ -181,7 +181,7 @@ def _withdraw(
     gateway: GatewayOption = "",
 ) -> None:
     """Hand a version out no more; robots that run it keep it until they are given another one."""
-    from gateway.updates import offline
+    from gateway.fleet.updates import offline
 
     if folder is not None:
         offline.remove(folder, path)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_accounts import (
+from gateway.cli.accounts import (
     LocalDir,
     Robots,
     RoleOption,
@@ -16,14 +16,14 @@ from gateway.cli_accounts import (
     local_store,
     read_password,
 )
-from gateway.cli_options import StoreUrl
+from gateway.cli.options import StoreUrl
 from metaros.access.address import DEFAULT_URL
 from metaros.access.credentials import local_gateway
-from metaros.cli.gateway_http import GatewayOption, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from metaros.cli.shared.gateway_http import GatewayOption, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 from metaros.errors import UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["register", "register_signin"]
 
@@ -73,11 +73,11 @@ def _add(
     if out.json:
         out.objects(made)
     else:
-        out.line(inert(f"{made['name']}: {made['role']}, robots {' '.join(made['robots'])}"))
+        out.line(sanitize(f"{made['name']}: {made['role']}, robots {' '.join(made['robots'])}"))
 
 
 def _add_here(data_dir: Path | None, store: str, wanted: dict[str, Any]) -> Any:
-    from gateway.api.views_identity import user_view
+    from gateway.api.views.identity import user_view
     from gateway.domain.principal import Role
     from gateway.identity.users import create_user
 
@@ -110,8 +110,8 @@ def _list(
 
 
 def _list_here(data_dir: Path | None, store: str) -> list[dict[str, Any]]:
-    from gateway.api.views_identity import user_view
-    from gateway.store.accounts import list_users
+    from gateway.api.views.identity import user_view
+    from gateway.store.accounts.users import list_users
     from metaros.limits import LIMITS
 
     with local_store(data_dir, store) as here:
@@ -196,9 +196,9 @@ def _signout(
 ) -> None:
     """End a user's sessions and sign-in links, or everybody's; what is connected by them is cut within seconds."""
     from gateway.identity.users import user_named
-    from gateway.store.accounts import list_users
+    from gateway.store.accounts.sessions import end_sessions
+    from gateway.store.accounts.users import list_users
     from gateway.store.engine import StoreEngine
-    from gateway.store.sessions import end_sessions
     from metaros.limits import LIMITS
 
     if bool(name) == everybody:
@@ -243,12 +243,12 @@ def _signin(
     if out.json:
         out.objects(made)
         return
-    out.line(inert(made["url"]))
-    out.note(f"signs {inert(made['user'])} in once, within 15 minutes")
+    out.line(sanitize(made["url"]))
+    out.note(f"signs {sanitize(made['user'])} in once, within 15 minutes")
 
 
 def _link_here(data_dir: Path | None, store: str, name: str, url: str) -> dict[str, str]:
-    from gateway.api.views import rfc3339
+    from gateway.api.views.robots import rfc3339
     from gateway.identity.signin import make_link
     from gateway.identity.users import first_admin, user_named
     from gateway.store.engine import StoreEngine

@@ -1,1 +1,1 @@
-"""Several gateways of one store as one: live data and requests cross between them by Zenoh."""
+"""A cluster: several gateways on one store forward live data and requests to each other over Zenoh."""

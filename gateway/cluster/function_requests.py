@@ -1,22 +1,22 @@
-"""Calls of functions for gateways that run none: one of the peers that do runs them, and the answer goes back."""
+"""Function calls of gateways that run no functions: a peer that does runs them and returns the result."""
 
 from __future__ import annotations
 
 import json
 from typing import Any, Final, Protocol
 
+from gateway.automation.functions import errors as function_errors
+from gateway.automation.functions.errors import FunctionsOffError
+from gateway.automation.functions.invoker import Call, Invoked, RemoteInvoke
 from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerRefusedError, PeerTimeoutError
 from gateway.cluster.ports import Mesh
-from gateway.cluster.relay_wire import join, split
-from gateway.functions import errors as function_errors
-from gateway.functions.errors import FunctionsOffError
-from gateway.functions.invoker import Call, Elsewhere, Invoked
+from gateway.cluster.relay.wire import join, split
+from metaros.automation.functions.calls import Outcome
+from metaros.automation.functions.errors import EngineClosedError, ThrottledError
 from metaros.errors import MetarosError, TooLargeError
-from metaros.functions.calls import Outcome
-from metaros.functions.faults import EngineClosedError, ThrottledError
 from metaros.limits import LIMITS
 
-__all__ = ["Errands", "Invoker"]
+__all__ = ["FunctionRequests", "Invoker"]
 
 INVOKE, OFFER = "invoke", "errands.offer"
 FUNCTION_S = 900.0  # the longest that a function may run
@@ -35,7 +35,7 @@ KINDS: Final[dict[str, type[MetarosError]]] = {
 class Invoker(Protocol):
     """Calls functions here."""
 
-    elsewhere: Elsewhere | None
+    remote: RemoteInvoke | None
 
     async def invoke(
         self,
@@ -52,8 +52,8 @@ class Invoker(Protocol):
         """Call one, and wait for what comes of it."""
 
 
-class Errands:
-    """Runs peers' calls where functions are on, and has its own run by peers where they are off."""
+class FunctionRequests:
+    """Runs function calls of peers where functions are enabled; sends its own to a peer where they are not."""
 
     def __init__(self, mesh: Mesh, invoker: Invoker, *, on: bool) -> None:
         """`on`: functions run at this gateway."""
@@ -61,12 +61,12 @@ class Errands:
         self._invoker = invoker
         self._on = on
         self._runners: dict[str, int] = {}  # the peers with functions; how many calls each has of ours
-        mesh.on_tell(OFFER, self._on_offer)
+        mesh.on_message(OFFER, self._on_offer)
         mesh.on_peer(self._on_peer)
         if on:
-            mesh.on_ask(INVOKE, self._on_invoke)
+            mesh.on_request(INVOKE, self._on_invoke)
         else:
-            invoker.elsewhere = self.invoke
+            invoker.remote = self.invoke
 
     async def invoke(self, function: str, qualifier: str, payload: bytes, call: Call) -> Invoked:
         """Have it called by the peer that has least to do for us.
@@ -89,10 +89,10 @@ class Errands:
             "client_context": call.client_context,
             "trace_id": call.trace_id,
         }
-        errand = join([json.dumps(head).encode(), payload])
+        request = join([json.dumps(head).encode(), payload])
         self._runners[runner] += 1
         try:
-            answer = await self._mesh.ask(runner, INVOKE, errand, timeout_s=FUNCTION_S + MARGIN_S)
+            answer = await self._mesh.request(runner, INVOKE, request, timeout_s=FUNCTION_S + MARGIN_S)
         except (PeerGoneError, PeerTimeoutError) as error:
             raise FunctionsOffError(f"the gateway that ran it went before it answered: {error}") from error
         except PeerBusyError as error:
@@ -111,10 +111,10 @@ class Errands:
         if not there:
             self._runners.pop(gateway, None)
         elif self._on:
-            self._mesh.tell(gateway, OFFER, b"")
+            self._mesh.send(gateway, OFFER, b"")
 
-    async def _on_invoke(self, sender: str, errand: bytes) -> bytes:
-        head, payload = split(errand)
+    async def _on_invoke(self, sender: str, request: bytes) -> bytes:
+        head, payload = split(request)
         asked: dict[str, str] = json.loads(head)
         function, qualifier = asked.pop("function"), asked.pop("qualifier")
         try:

@@ -1,4 +1,4 @@
-"""When two gateways have met: each has heard from the other that it hears it, since either last lost the other.
+"""The handshake of two gateways: each has received a hello that confirms its own, since the connection was last lost.
 
 Each counts its meetings with the other. A hello says the sender's count, and the receiver's as far as the sender has
 heard it. Who is lost (its token went, or messages of its are missing) is met anew under the next count, and so the
@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from gateway.cluster.wire import Kind, Message
 
-__all__ = ["Meeting"]
+__all__ = ["Handshake"]
 
 
-class Meeting:
+class Handshake:
     """With one process of another gateway; no input or output of its own."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What this gateway's viewers want of robots that are linked to others: topics and rates, by robot. Pure."""
+"""Topics and rates that this gateway's viewers subscribe to on remote robots, by robot. Pure."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from gateway.domain.channel import Channel
 from gateway.live.demand import merge_rates
 from gateway.live.subscription import TopicSubscription
 
-__all__ = ["InterestBook"]
+__all__ = ["InterestTable"]
 
 
-class InterestBook:
+class InterestTable:
     """Every subscription is asked about every channel once; all classes count, as samples of any cross."""
 
     def __init__(self) -> None:

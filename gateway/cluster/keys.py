@@ -1,4 +1,4 @@
-"""The keys between gateways: all come of the master key that they share, and each pair of processes has its own.
+"""Keys between gateways, derived from the shared master key; each pair of processes has its own.
 
 A key belongs to one sender's process and one receiver's process, both by their boot ids, and to the store. So what was
 sealed for another gateway, for an earlier life of this one, or in another store opens nowhere else, and a counter is

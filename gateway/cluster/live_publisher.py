@@ -1,4 +1,4 @@
-"""Samples of robots that are linked here, to the gateways whose viewers want them: nobody else gets any.
+"""Publishes samples of local robots to the gateways whose viewers subscribe to them, and to no others.
 
 They go once a tick, all of a gateway's together. What a gateway takes no more waits, up to a bound; then the oldest
 are dropped, and counted.
@@ -23,9 +23,9 @@ from gateway.live.video import is_video
 from metaros._proto import cluster_pb2, link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
-from metaros.video_frames import KEYS_ONLY_HZ, Frame, frame_of
+from metaros.link.video_frames import KEYS_ONLY_HZ, Frame, frame_of
 
-__all__ = ["INTEREST", "KEYS", "LIVE", "LiveHome"]
+__all__ = ["INTEREST", "KEYS", "LIVE", "LivePublisher"]
 
 INTEREST: Final = "interest"
 KEYS: Final = "keys"
@@ -50,7 +50,7 @@ class _Want:
 
 
 @dataclass(slots=True)
-class _Line:
+class _Queue:
     """What waits for one gateway: runs as they go out, and how many samples each has."""
 
     waiting: deque[tuple[bytes, int]] = field(default_factory=deque)
@@ -85,7 +85,7 @@ class _Line:
         self.size_bytes += len(message)
 
 
-class LiveHome:
+class LivePublisher:
     """All methods on the event loop."""
 
     def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock, tick_s: float) -> None:
@@ -97,11 +97,11 @@ class LiveHome:
         self._clock = clock
         self._tick_s = tick_s
         self._wants: dict[str, dict[str, dict[str, _Want]]] = {}  # by robot, gateway and topic
-        self._lines: dict[str, _Line] = {}
+        self._lines: dict[str, _Queue] = {}
         self._flushed_s = float("-inf")
         self._timer: asyncio.TimerHandle | None = None
-        mesh.on_tell(INTEREST, self._on_interest)
-        mesh.on_tell(KEYS, self._on_key_wanted)
+        mesh.on_message(INTEREST, self._on_interest)
+        mesh.on_message(KEYS, self._on_key_wanted)
         mesh.on_peer(self._on_peer)
 
     @property
@@ -149,7 +149,7 @@ class LiveHome:
         for gateway, line in list(self._lines.items()):
             while line.waiting:
                 message, samples = line.take()
-                if not self._mesh.tell(gateway, LIVE, message):
+                if not self._mesh.send(gateway, LIVE, message):
                     line.back(message, samples)
                     break
                 self.sent_samples += samples
@@ -169,24 +169,24 @@ class LiveHome:
             payload=columns.payload,
         )
         generation = self._registry.get(run.channel.robot).generation
-        told = cluster_pb2.ForwardedRun(
+        message = cluster_pb2.ForwardedRun(
             robot=run.channel.robot, generation=generation, receive_ns=run.receive_ns, batch=batch
         )
-        return cluster_pb2.Forwarded(runs=[told]).SerializeToString()
+        return cluster_pb2.Forwarded(runs=[message]).SerializeToString()
 
     def _on_interest(self, sender: str, payload: bytes) -> None:
-        told = cluster_pb2.Interest.FromString(payload)
-        if told.anew:
+        message = cluster_pb2.Interest.FromString(payload)
+        if message.anew:
             self._forget(sender)
-        for item in told.robots:
+        for item in message.robots:
             topics = {
                 wanted.topic: _Want(max(0.0, wanted.max_rate_hz)) for wanted in item.topics[: LIMITS.channels_per_robot]
             }
             self._want(sender, item.robot, topics)
 
     def _on_key_wanted(self, sender: str, payload: bytes) -> None:
-        told = cluster_pb2.KeyFrameWanted.FromString(payload)
-        self.on_key_wanted(told.robot, told.topic)
+        message = cluster_pb2.KeyFrameWanted.FromString(payload)
+        self.on_key_wanted(message.robot, message.topic)
 
     def _want(self, gateway: str, robot: str, topics: dict[str, _Want]) -> None:
         if self._registry.find(robot) is None:
@@ -207,7 +207,7 @@ class LiveHome:
         self._forget(gateway)
         self._lines.pop(gateway, None)
         if came:
-            self._lines[gateway] = _Line()
+            self._lines[gateway] = _Queue()
 
     def _forget(self, gateway: str) -> None:
         """It wants nothing."""

@@ -1,6 +1,6 @@
-"""The gateways of one store reach each other: through Zenoh routers, sealed, and each hears when another goes.
+"""The mesh of one store's gateways over Zenoh routers: sealed messages, requests, and notice of peers that come or go.
 
-A gateway is a peer once the two have heard of each other (`gateway.cluster.meeting`). Everything here is the event
+A gateway is a peer once the two have heard of each other (`gateway.cluster.handshake`). Everything here is the event
 loop's, but for `_arrived`, which opens what came on the receiving thread.
 """
 
@@ -16,13 +16,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.cluster.courier import PATIENCE, Courier, Live, Patience, Place
 from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerTimeoutError
 from gateway.cluster.keys import BOOT_BYTES, MeshKeys, Process
 from gateway.cluster.peer import Peer
-from gateway.cluster.ports import Answer, Heard, Take
-from gateway.cluster.questions import LONGEST_S, Answers, Questions
+from gateway.cluster.ports import Answer, PeerListener, Take
+from gateway.cluster.requests import LONGEST_S, PendingRequests, RequestServer
 from gateway.cluster.seal import ForgedError, sender_of
+from gateway.cluster.transport import TIMEOUTS, MeshKeyspace, Timeouts, TokenChange, Transport
 from gateway.cluster.wire import MESSAGE_BYTES, Kind, Message
 from gateway.identity.master import MasterKey
 from metaros.clock import Clock
@@ -65,7 +65,7 @@ class ZenohMesh:
         master: MasterKey,
         clock: Clock,
         limits: Limits = LIMITS,
-        patience: Patience = PATIENCE,
+        patience: Timeouts = TIMEOUTS,
     ) -> None:
         if _NAME.fullmatch(gateway_id) is None:
             raise ConfigError(f"the gateway's id {gateway_id[:64]!r} is not of letters, digits, '.', '_' and '-'")
@@ -75,23 +75,23 @@ class ZenohMesh:
         self._own = Process(gateway_id, boot)
         self._keys = MeshKeys(master, store_id)
         self._proof = self._keys.proof(self._own)
-        self._place = place = Place(store_id)
+        self._keyspace = keyspace = MeshKeyspace(store_id)
         self.counts = MeshCounts()
         self.linked = False  # whether a router is reached
         self._known: dict[bytes, Peer] = {}  # by boot id; those that went, too
         self._met: dict[str, Peer] = {}
         self._takes: dict[str, Take] = {}
-        self._heard: list[Heard] = []
-        self._questions, self._answers = Questions(limits.cluster_asks), Answers(limits.cluster_asks)
-        self._came: deque[tuple[Peer, Message | None, bool, int] | Live] = deque()
+        self._listeners: list[PeerListener] = []
+        self._requests, self._server = PendingRequests(limits.cluster_asks), RequestServer(limits.cluster_asks)
+        self._came: deque[tuple[Peer, Message | None, bool, int] | TokenChange] = deque()
         self._woken = False
         self._strangers: set[str] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._courier = Courier(
+        self._transport = Transport(
             routers,
-            inbox=place.inbox(self._own),
-            tokens=place.tokens,
-            token=place.token(self._own, self._proof),
+            inbox=keyspace.inbox(self._own),
+            tokens=keyspace.tokens,
+            token=keyspace.token(self._own, self._proof),
             arrived=self._arrived,
             most_bytes=limits.cluster_received_bytes,
             patience=patience,
@@ -105,7 +105,7 @@ class ZenohMesh:
     def start(self) -> None:
         """Connect, in the background; gateways are peers as they are met."""
         self._loop = asyncio.get_running_loop()
-        self._courier.start()
+        self._transport.start()
 
     async def run(self) -> None:
         """Greet again who has not answered, and follow a change of the master key; until cancelled."""
@@ -127,13 +127,13 @@ class ZenohMesh:
             peer.rekey(self._keys)
         if (proof := self._keys.proof(self._own)) != self._proof:
             self._proof = proof
-            self._courier.show(self._place.token(self._own, proof))
+            self._transport.show(self._keyspace.token(self._own, proof))
         return True
 
     async def close(self) -> None:
         """Send what waits, and leave; who waits for an answer is told that the others are gone."""
-        await self._answers.close()
-        await asyncio.to_thread(self._courier.close)
+        await self._server.close()
+        await asyncio.to_thread(self._transport.close)
         for peer in list(self._met.values()):
             self._became(peer, False)
 
@@ -149,14 +149,14 @@ class ZenohMesh:
     @property
     def waiting_bytes(self) -> int:
         """What came and was not handled yet."""
-        return self._courier.waiting_bytes
+        return self._transport.waiting_bytes
 
     @property
     def frames_dropped(self) -> int:
         """Frames that came while too much waited."""
-        return self._courier.dropped
+        return self._transport.dropped
 
-    def tell(self, gateway: str, topic: str, payload: bytes) -> bool:
+    def send(self, gateway: str, topic: str, payload: bytes) -> bool:
         """Send a message to one gateway: those of one topic arrive in order, or not at all when it goes.
 
         False: there is no such peer, or so much waits for it already that this was not sent.
@@ -168,12 +168,12 @@ class ZenohMesh:
         peer = self._met.get(gateway)
         return peer is not None and self._post(peer, Kind.TELL, name=topic, payload=bytes(payload))
 
-    def tell_all(self, topic: str, payload: bytes) -> None:
+    def broadcast(self, topic: str, payload: bytes) -> None:
         """Send a message to every peer."""
         for gateway in sorted(self._met):
-            self.tell(gateway, topic, payload)
+            self.send(gateway, topic, payload)
 
-    async def ask(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
+    async def request(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
         """Have a gateway do something, and get its answer.
 
         Raises:
@@ -187,7 +187,7 @@ class ZenohMesh:
         peer = self._met.get(gateway)
         if peer is None:
             raise PeerGoneError(f"the replica {gateway} is not there")
-        number, answer = self._questions.open(peer.process.boot)
+        number, answer = self._requests.open(peer.process.boot)
         self.counts.asks += 1
         timeout_ms = round(min(timeout_s, LONGEST_S) * 1000)
         try:
@@ -199,19 +199,19 @@ class ZenohMesh:
         except TimeoutError:
             raise PeerTimeoutError(f"the replica {gateway} gave no answer within {timeout_s:g} s") from None
         finally:
-            self._questions.drop(number)
+            self._requests.drop(number)
 
-    def on_tell(self, topic: str, take: Take) -> None:
+    def on_message(self, topic: str, take: Take) -> None:
         """Who takes the messages of a topic."""
         self._takes[topic] = take
 
-    def on_ask(self, verb: str, answer: Answer) -> None:
+    def on_request(self, verb: str, answer: Answer) -> None:
         """Who answers a verb."""
-        self._answers.on_ask(verb, answer)
+        self._server.on_request(verb, answer)
 
-    def on_peer(self, heard: Heard) -> None:
-        """Be told of each gateway that comes or goes; one after another, in the order of these calls."""
-        self._heard.append(heard)
+    def on_peer(self, listener: PeerListener) -> None:
+        """Add a listener for gateways that come or go; listeners run in the order of these calls."""
+        self._listeners.append(listener)
 
     def _post(self, peer: Peer, kind: Kind, **facts: object) -> bool:
         meeting = peer.meeting
@@ -229,12 +229,12 @@ class ZenohMesh:
             return False
         self.counts.sent += 1
         self.counts.sent_bytes += len(message.payload)
-        self._courier.send(job)
+        self._transport.send(job)
         return True
 
-    def _arrived(self, item: bytes | Live) -> None:
+    def _arrived(self, item: bytes | TokenChange) -> None:
         """On the receiving thread."""
-        if isinstance(item, Live):
+        if isinstance(item, TokenChange):
             self._came.append(item)
         else:
             peer = None
@@ -246,7 +246,7 @@ class ZenohMesh:
                 message, missing = peer.taken(item)
             except (ForgedError, ValueError):
                 self.counts.refused += 1
-                self._courier.done(len(item))
+                self._transport.done(len(item))
                 return
             self._came.append((peer, message, missing, len(item)))
         if not self._woken and self._loop is not None:
@@ -260,11 +260,11 @@ class ZenohMesh:
             if not self._came:
                 return
             item = self._came.popleft()
-            if isinstance(item, Live):
+            if isinstance(item, TokenChange):
                 self._on_live(item)
                 continue
             peer, message, missing, size_bytes = item
-            self._courier.done(size_bytes)
+            self._transport.done(size_bytes)
             self.counts.received_bytes += size_bytes
             if missing:
                 self._lost(peer)
@@ -275,7 +275,7 @@ class ZenohMesh:
             self._woken = True
             self._loop.call_soon(self._drain)
 
-    def _on_live(self, live: Live) -> None:
+    def _on_live(self, live: TokenChange) -> None:
         try:
             process = Process(live.gateway, bytes.fromhex(live.boot))
         except ValueError:
@@ -293,7 +293,7 @@ class ZenohMesh:
             if became is not None:
                 self._became(peer, became)
 
-    def _is_its(self, peer: Peer, live: Live) -> bool:
+    def _is_its(self, peer: Peer, live: TokenChange) -> bool:
         """Whether a token is that process's own: anybody on the routers may declare one like it, and take it back."""
         if live.there and self._proven(peer.process, live.proof):
             peer.proof = live.proof
@@ -322,7 +322,7 @@ class ZenohMesh:
                 self._stranger(process.gateway, "has this one's id: give each replica a data directory of its own")
             return None
         self._forget()
-        inbox, most_bytes = self._place.inbox(process), self._limits.cluster_queue_bytes
+        inbox, most_bytes = self._keyspace.inbox(process), self._limits.cluster_queue_bytes
         peer = Peer(process, self._own, self._keys, inbox=inbox, most_bytes=most_bytes)
         self._known[process.boot] = peer
         return peer
@@ -358,11 +358,11 @@ class ZenohMesh:
             self._guarded(self._takes.get(message.name), peer.gateway, message.payload)
         elif message.kind is Kind.ASK:
             number = message.number
-            self._answers.begin(
+            self._server.begin(
                 peer.gateway, message, lambda kind, payload: self._reply(peer, kind, number=number, payload=payload)
             )
         else:
-            self._questions.settle(peer.process.boot, message)
+            self._requests.settle(peer.process.boot, message)
 
     def _reply(self, peer: Peer, kind: Kind, *, number: int, payload: bytes) -> None:
         if peer.meeting.met and not self._post(peer, kind, number=number, payload=payload):
@@ -379,11 +379,11 @@ class ZenohMesh:
             self._met[peer.gateway] = peer
         elif current is peer:
             del self._met[peer.gateway]
-            self._questions.gone(peer.process.boot, peer.gateway)
+            self._requests.gone(peer.process.boot, peer.gateway)
         else:
             return
-        for heard in self._heard:
-            self._guarded(heard, peer.gateway, there)
+        for listener in self._listeners:
+            self._guarded(listener, peer.gateway, there)
 
     def _guarded(self, handler: Callable[..., None] | None, *args: object) -> None:
         if handler is not None:

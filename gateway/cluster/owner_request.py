@@ -1,4 +1,4 @@
-"""Asking the gateway that has a robot's link; that it cannot be reached is told as a robot without a link is."""
+"""A request to a robot's owner, the gateway with its link; an unreachable owner counts as an offline robot."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerTimeoutErro
 from gateway.cluster.ports import Mesh
 from gateway.errors import CommandTimeoutError, RobotOfflineError, TooManyError
 
-__all__ = ["HomeOf", "ask_home"]
+__all__ = ["OwnerOf", "ask_owner"]
 
-HomeOf = Callable[[str], str]  # a robot; the id of the gateway that has its link, "" = this one, or none
+OwnerOf = Callable[[str], str]  # a robot; the id of the gateway that has its link, "" = this one, or none
 
 
-async def ask_home(mesh: Mesh, home: str, verb: str, payload: bytes, *, robot: str, timeout_s: float) -> bytes:
-    """What the robot's home answers.
+async def ask_owner(mesh: Mesh, owner: str, verb: str, payload: bytes, *, robot: str, timeout_s: float) -> bytes:
+    """Send a request to the robot's owner and return its answer.
 
     Raises:
-        RobotOfflineError: the home is gone.
+        RobotOfflineError: the owner is gone.
         CommandTimeoutError: it does not answer in time; what it did is not known.
         TooManyError: too much waits for it already.
         GatewayError: what it answered with.
     """
     try:
-        return await mesh.ask(home, verb, payload, timeout_s=timeout_s)
+        return await mesh.request(owner, verb, payload, timeout_s=timeout_s)
     except PeerGoneError as error:
         raise RobotOfflineError(f"robot {robot} has no link now: the gateway that had it is gone") from error
     except PeerTimeoutError as error:

@@ -1,12 +1,12 @@
-"""One process of another gateway, as this one knows it."""
+"""A peer: one process of another gateway."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
 
+from gateway.cluster.handshake import Handshake
 from gateway.cluster.keys import MeshKeys, Process
-from gateway.cluster.meeting import Meeting
 from gateway.cluster.seal import TAG_BYTES, Opener, Sealer
 from gateway.cluster.wire import Joiner, Kind, Message, pieces
 
@@ -19,7 +19,7 @@ class Peer:
     def __init__(self, process: Process, own: Process, keys: MeshKeys, *, inbox: str, most_bytes: int) -> None:
         self.process = process
         self.gateway = process.gateway
-        self.meeting = Meeting()
+        self.meeting = Handshake()
         self.proof = ""  # by which its token is told from others of its name; the event loop's
         self._own = own
         self._inbox = inbox

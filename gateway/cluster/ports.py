@@ -1,15 +1,15 @@
-"""What the parts of the cluster need of the mesh; a real one and the tests' in-memory one have it."""
+"""The interface of the mesh, which the real one and the tests' in-memory one implement."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from typing import Protocol
 
-__all__ = ["Answer", "Heard", "Mesh", "Take"]
+__all__ = ["Answer", "Mesh", "PeerListener", "Take"]
 
 Take = Callable[[str, bytes], None]  # sender and payload
 Answer = Callable[[str, bytes], Awaitable[bytes]]  # likewise; what it returns goes back
-Heard = Callable[[str, bool], None]  # a gateway came (True) or went
+PeerListener = Callable[[str, bool], None]  # a gateway came (True) or went
 
 
 class Mesh(Protocol):
@@ -22,16 +22,16 @@ class Mesh(Protocol):
     def peers(self) -> frozenset[str]:
         """The other gateways that live now."""
 
-    def tell(self, gateway: str, topic: str, payload: bytes) -> bool:
+    def send(self, gateway: str, topic: str, payload: bytes) -> bool:
         """Send a message to one gateway: those of one topic arrive in order, or not at all when it goes.
 
         False: there is no such peer, or so much waits for it already that this was not sent.
         """
 
-    def tell_all(self, topic: str, payload: bytes) -> None:
+    def broadcast(self, topic: str, payload: bytes) -> None:
         """Send a message to every peer."""
 
-    async def ask(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
+    async def request(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
         """Have a gateway do something, and get its answer.
 
         Raises:
@@ -40,11 +40,11 @@ class Mesh(Protocol):
             PeerRefusedError: it answered with an error, whose code and text this one has.
         """
 
-    def on_tell(self, topic: str, take: Take) -> None:
+    def on_message(self, topic: str, take: Take) -> None:
         """Who takes the messages of a topic."""
 
-    def on_ask(self, verb: str, answer: Answer) -> None:
+    def on_request(self, verb: str, answer: Answer) -> None:
         """Who answers a verb."""
 
-    def on_peer(self, heard: Heard) -> None:
-        """Be told of each gateway that comes or goes; one after another, in the order of these calls."""
+    def on_peer(self, listener: PeerListener) -> None:
+        """Add a listener for gateways that come or go; listeners run in the order of these calls."""

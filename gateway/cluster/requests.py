@@ -1,4 +1,4 @@
-"""Questions between gateways: those that wait for an answer, and those that are being answered."""
+"""Requests between gateways: those that wait for a response, and those that are being served."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from gateway.cluster.wire import MESSAGE_BYTES, Kind, Message
 from metaros.errors import MetarosError, TooLargeError
 from metaros.limits import LIMITS
 
-__all__ = ["Answers", "Questions"]
+__all__ = ["PendingRequests", "RequestServer"]
 
 log = logging.getLogger(__name__)
 
 LONGEST_S: Final = 960.0  # a question's time bound: a function may run for 15 minutes, and must start first
 
 
-class Questions:
-    """Asked here, by number; the gateway that is to answer each is a process of its own."""
+class PendingRequests:
+    """Requests sent by this gateway, by number; each waits for one process of another gateway."""
 
     def __init__(self, most: int = LIMITS.cluster_asks) -> None:
         self._most = most
@@ -33,7 +33,7 @@ class Questions:
         return len(self._waiting)
 
     def open(self, boot: bytes) -> tuple[int, asyncio.Future[bytes]]:
-        """A new question's number, and its answer to come; PeerBusyError when too many wait."""
+        """A new request's number, and the future of its response; PeerBusyError when too many wait."""
         if len(self._waiting) >= self._most:
             raise PeerBusyError(f"{self._most} questions wait for other replicas' answers already: try again")
         number, answer = next(self._numbers), asyncio.get_running_loop().create_future()
@@ -64,20 +64,20 @@ class Questions:
                 answer.set_exception(PeerGoneError(f"the replica {gateway} went before it answered"))
 
 
-class Answers:
-    """Asked elsewhere; each is answered by a task of its own, within the time that the asker gives it."""
+class RequestServer:
+    """Serves requests of other gateways, each in a task of its own, within the caller's timeout."""
 
     def __init__(self, most: int = LIMITS.cluster_asks) -> None:
         self._most = most
         self._verbs: dict[str, Answer] = {}
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def on_ask(self, verb: str, answer: Answer) -> None:
+    def on_request(self, verb: str, answer: Answer) -> None:
         """Who answers a verb."""
         self._verbs[verb] = answer
 
     def begin(self, gateway: str, asked: Message, reply: Callable[[Kind, bytes], None]) -> None:
-        """Work on a question; `reply` is given its answer or refusal."""
+        """Serve a request; `reply` is given its response or error."""
         if len(self._tasks) >= self._most:
             reply(Kind.REFUSAL, pack_error(PeerBusyError("the other replica has too many questions: try again")))
             return

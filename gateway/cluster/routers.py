@@ -1,4 +1,4 @@
-"""The Zenoh routers between the gateways, as the settings name them."""
+"""The Zenoh routers between the gateways: checks their endpoints in the settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What crosses between gateways, sealed: AES-256-GCM under the key of its two processes, numbered without a hole.
+"""Seals messages between gateways: AES-256-GCM under the key of the two processes, numbered without gaps.
 
 A sealed frame is version (1 byte), the sender's boot id (16), its number (8), ciphertext and tag. The number is the
 nonce, and the head is authenticated. One that was sent before, or comes after a later one, is refused; where numbers

@@ -1,4 +1,4 @@
-"""The Zenoh session of the mesh, and the two threads beside it: one sends, one opens what came.
+"""The Zenoh session of the mesh, with one thread that sends and one that decrypts received frames.
 
 Zenoh's own threads only put what came into a queue. The event loop never waits for Zenoh: what it sends waits in a
 queue for the sending thread, and what came is handed to it once per batch. Both queues are bounded in bytes; a message
@@ -21,7 +21,7 @@ import zenoh
 
 from gateway.cluster.keys import Process
 
-__all__ = ["PATIENCE", "Courier", "Live", "Patience", "Place"]
+__all__ = ["TIMEOUTS", "MeshKeyspace", "Timeouts", "TokenChange", "Transport"]
 
 log = logging.getLogger(__name__)
 
@@ -38,18 +38,18 @@ Job = Callable[[], Iterator[tuple[str, bytes]]]  # keys and frames to put, made 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patience:
-    """How long routers and gateways are waited for."""
+class Timeouts:
+    """Timeouts for routers and gateways."""
 
     connect_s: float = 2.0  # for a router, before the others are tried again
     lease_s: float = 3.0  # so that a hung gateway is heard of in seconds
 
 
-PATIENCE: Final = Patience()
+TIMEOUTS: Final = Timeouts()
 
 
-class Place:
-    """Where the gateways of a store meet on the routers."""
+class MeshKeyspace:
+    """The Zenoh key expressions of one store's gateways."""
 
     def __init__(self, store_id: str) -> None:
         self._root = f"metaros/gateways/{store_id}"
@@ -68,8 +68,8 @@ class Place:
         return f"{self._root}/to/{process.boot.hex()}"
 
 
-class Live:
-    """A token came or went, by its key's last three parts."""
+class TokenChange:
+    """A liveliness token appeared or disappeared; the key's last three parts name it."""
 
     __slots__ = ("boot", "gateway", "proof", "there")
 
@@ -78,7 +78,7 @@ class Live:
         self.there = there
 
 
-class Courier:
+class Transport:
     """Owns session and threads from `start` to `close`; `send` is the event loop's."""
 
     def __init__(
@@ -88,9 +88,9 @@ class Courier:
         inbox: str,
         tokens: str,
         token: str,
-        arrived: Callable[[bytes | Live], None],
+        arrived: Callable[[bytes | TokenChange], None],
         most_bytes: int,
-        patience: Patience = PATIENCE,
+        patience: Timeouts = TIMEOUTS,
     ) -> None:
         """`arrived` is called on the receiving thread; what it took is off the queue when `done` has said so."""
         self._endpoints = tuple(endpoints)
@@ -102,7 +102,7 @@ class Courier:
         self._waiting_bytes = 0
         self.dropped = 0  # frames that came while too much waited
         self._jobs: SimpleQueue[Job | str | None] = SimpleQueue()
-        self._came: SimpleQueue[bytes | Live | None] = SimpleQueue()
+        self._came: SimpleQueue[bytes | TokenChange | None] = SimpleQueue()
         self._ended = threading.Event()
         self._threads = [
             threading.Thread(target=self._send, name="cluster-send", daemon=True),
@@ -152,8 +152,8 @@ class Courier:
             session.declare_subscriber(self._inbox, zenoh.handlers.Callback(self._on_frame, indirect=False))
             shown = self._token
             token = session.liveliness().declare_token(shown)
-            heard = zenoh.handlers.Callback(self._on_token, indirect=False)
-            session.liveliness().declare_subscriber(self._tokens, heard, history=True)
+            callback = zenoh.handlers.Callback(self._on_token, indirect=False)
+            session.liveliness().declare_subscriber(self._tokens, callback, history=True)
             while (job := self._jobs.get()) is not None:
                 if not isinstance(job, str):
                     for key, frame in job():
@@ -202,7 +202,7 @@ class Courier:
         self._came.put(frame)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        self._came.put(Live(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+        self._came.put(TokenChange(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
 
     def _receive(self) -> None:
         while (item := self._came.get()) is not None:

@@ -1,4 +1,4 @@
-"""A message between gateways as bytes, before it is sealed; a large one goes in pieces."""
+"""The encoding of messages between gateways, before they are sealed; a large one goes in pieces."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a fleet is made of, as frozen data and pure rules; imports no framework."""
+"""The domain model: frozen data and pure rules; imports no framework."""

@@ -1,4 +1,4 @@
-"""An alert: what is wrong with a robot, from its first finding to its end; and silences, which keep it from telling."""
+"""An alert: what is wrong with a robot, from its first finding to its end; and silences, which mute its notices."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gateway.domain.event import like
+from gateway.domain.automation.event import like
 from gateway.domain.finding import SEVERITIES, Finding, FindingSeverity
-from gateway.domain.recording import is_recording_id, new_recording_id
+from gateway.domain.fleet.recording import is_recording_id, new_recording_id
 
 __all__ = [
     "ALERT_STATES",

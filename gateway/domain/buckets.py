@@ -1,16 +1,16 @@
-"""Token buckets by key, of which no more are kept than are bearable. Pure: whoever asks brings the time."""
+"""Token buckets by key, a bounded number of them. Pure: callers pass the time."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Hashable
 
-__all__ = ["Buckets"]
+__all__ = ["TokenBuckets"]
 
 MOST = 65_536
 
 
-class Buckets:
+class TokenBuckets:
     """One rate for many: each key may take `per_s` tokens a second, and `burst` at once after a rest.
 
     A bucket that is full again is forgotten. Where there are too many, the one that was used longest ago goes: for

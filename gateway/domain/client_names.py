@@ -1,4 +1,4 @@
-"""Under which names a client of many robots sees their topics, services and actions. Pure.
+"""The names under which a client sees robots' topics, services and actions. Pure.
 
 A client that asked for one robot sees its ROS names as they are, so that what was written for one robot works
 unchanged. A client of the whole fleet sees each name behind its robot's id, `/r1/odom`; a name that already begins
@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["WorldNames"]
+__all__ = ["ClientNames"]
 
 
-class WorldNames:
+class ClientNames:
     """Names of one robot (`robot` set), or of all that `sees` lets through."""
 
     __slots__ = ("robot", "sees")

@@ -32,7 +32,7 @@ class Decoder:
 
         Raises:
             SealedError: nobody but the holder of its key can read it.
-            UnknownTypeError, TypeHashError: its robot did not tell the definition.
+            UnknownTypeError, TypeHashError: its robot did not send the definition.
         """
         found = self._readers.get(id(channel))
         if found is not None:

@@ -1,4 +1,4 @@
-"""What a detector or a check has to say about a robot: what, where, how bad, why, and what was expected."""
+"""A finding of a detector or check about a robot: what, where, how bad, why, and what was expected."""
 
 from __future__ import annotations
 

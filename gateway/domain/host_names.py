@@ -1,4 +1,4 @@
-"""Under which names and addresses other machines reach this one: for host checks, certificates and what is printed."""
+"""The names and addresses by which other machines reach this one: for host checks, certificates and output."""
 
 from __future__ import annotations
 

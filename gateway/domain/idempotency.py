@@ -1,4 +1,4 @@
-"""An Idempotency-Key of who asks, and by what the same request is known again."""
+"""Idempotency keys of clients, and the digest by which a repeated request is recognised."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import orjson
 from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
 
-__all__ = ["Once", "check_key"]
+__all__ = ["IdempotentRequest", "check_key"]
 
 KEY_CHARS = 200
 
@@ -24,15 +24,15 @@ def check_key(key: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Once:
-    """A request that makes something once; `digest` is of what was asked."""
+class IdempotentRequest:
+    """A request with an Idempotency-Key, which makes something once; `digest` is of what was asked."""
 
     issuer: str  # "user:ID" or "key:ID": keys of others are other keys
     key: str
     digest: str
 
     @classmethod
-    def of(cls, principal: Principal, key: str, asked: Mapping[str, Any]) -> Once:
+    def of(cls, principal: Principal, key: str, asked: Mapping[str, Any]) -> IdempotentRequest:
         """`asked` is JSON, without secrets: its digest is stored. InvalidRequestError for what is no key."""
         check_key(key)
         digest = hashlib.sha256(orjson.dumps(asked, option=orjson.OPT_SORT_KEYS)).hexdigest()

@@ -1,4 +1,4 @@
-"""What is known of robots' identities: tokens, certificates, and who proved what on a link."""
+"""Robots' identities: tokens, certificates, and what was proven on a link."""
 
 from __future__ import annotations
 

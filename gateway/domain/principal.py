@@ -1,4 +1,4 @@
-"""Who asks: a person, a program with a key, a robot, or nobody known; what they are and which robots they see."""
+"""The caller of a request: a person, a program with a key, a robot, or anonymous; its role and its robots."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Role(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Principal:
-    """Made by a door from a credential; valid for the one request or socket it came with.
+    """Made by an authenticator from a credential; valid for the one request or socket it came with.
 
     `session_id` and `csrf` belong to a browser's session; they are empty for keys, robots and nobody. `id` names the
     user, key or robot for ever; `name` is for people to read. `scopes` are a key's further rights, such as "lambda".

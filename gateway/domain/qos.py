@@ -1,4 +1,4 @@
-"""A channel's QoS text, as its robot announced it, read as far as the gateway has use for it. Pure.
+"""Parses a channel's QoS text, as its robot announced it, as far as the gateway needs it. Pure.
 
 The text is that of a ROS 2 liveliness token: reliability, durability, history and depth, deadline, lifespan and
 liveliness between colons, each left out where it is the default, with the numbers of the rmw interface.

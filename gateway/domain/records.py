@@ -1,4 +1,4 @@
-"""How samples go to viewers, live or stored: a channel's introduction as JSON, then binary records of its samples.
+"""The wire format of samples for viewers, live or stored: a channel as JSON, then binary records of its samples.
 
 A record is a 40-byte header, then a sample's bytes, padded to a multiple of 8.
 """

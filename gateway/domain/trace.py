@@ -1,4 +1,4 @@
-"""The times of one followed sample on its robot, as it told them, put on the gateway's clock."""
+"""The times of one traced sample on its robot, as it reported them, put on the gateway's clock."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ def read_trace(batch: link_pb2.Batch) -> RobotTimes | None:
     """The trace of a batch; None where it has none, or one that cannot be read: a link never ends for it."""
     if not batch.HasField("trace"):
         return None
-    told = batch.trace
-    found = _TRACEPARENT.fullmatch(told.traceparent)
+    trace = batch.trace
+    found = _TRACEPARENT.fullmatch(trace.traceparent)
     if found is None or _ZERO.startswith((found[1], found[2])):
         return None
-    times = (told.tapped_ns, told.taken_ns, told.accepted_ns, told.sent_ns)
-    if not batch.first_seq <= told.seq < batch.first_seq + batch.count or not all(0 <= at < _MOST_NS for at in times):
+    times = (trace.tapped_ns, trace.taken_ns, trace.accepted_ns, trace.sent_ns)
+    if not batch.first_seq <= trace.seq < batch.first_seq + batch.count or not all(0 <= at < _MOST_NS for at in times):
         return None
-    if abs(told.clock_offset_ns) >= _MOST_NS:
+    if abs(trace.clock_offset_ns) >= _MOST_NS:
         return None
     return RobotTimes(
         trace_id=found[1],
         span_id=found[2],
-        seq=told.seq,
-        tapped_ns=told.tapped_ns,
-        taken_ns=told.taken_ns,
-        accepted_ns=told.accepted_ns,
-        sent_ns=told.sent_ns,
-        clock_offset_ns=told.clock_offset_ns,
+        seq=trace.seq,
+        tapped_ns=trace.tapped_ns,
+        taken_ns=trace.taken_ns,
+        accepted_ns=trace.accepted_ns,
+        sent_ns=trace.sent_ns,
+        clock_offset_ns=trace.clock_offset_ns,
     )

@@ -1,1 +1,1 @@
-"""What is asked of robots: commands, publishing, service calls, driving."""
+"""Operations on robots: commands, publishing, service calls, driving, twins, nodes, updates."""

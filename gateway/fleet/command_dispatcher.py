@@ -1,4 +1,4 @@
-"""The one path of commands to robots: an id, a deadline, and exactly one outcome for whoever asked."""
+"""Dispatches commands to robots: an id, a deadline, and exactly one outcome for the caller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.fleet.robots import SendFrame
 from metaros._proto import link_pb2
 from metaros.clock import Clock, SystemClock
 
-__all__ = ["CommandDesk"]
+__all__ = ["CommandDispatcher"]
 
 PENDING_PER_ROBOT = 64
 LEASES = ("grant_lease", "release_lease")  # one at a time of each driver; nobody else's work keeps one from the wheel
@@ -28,7 +28,7 @@ class _Pending:
     done: asyncio.Future[link_pb2.CommandResult]
 
 
-class CommandDesk:
+class CommandDispatcher:
     """Sends commands and matches results; lives on the event loop."""
 
     def __init__(self, send: SendFrame, *, clock: Clock | None = None) -> None:

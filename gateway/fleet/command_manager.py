@@ -1,4 +1,4 @@
-"""Commands as people send them: stored first, then answered in the request, or delivered when the robot comes."""
+"""Stored commands: answered within the request, or durable and delivered when the robot comes online."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.command import (
+from gateway.domain.errors import CommandDeliveredError, UnknownCommandError
+from gateway.domain.fleet.command import (
     CANCELLED,
     DONE,
     FAILED,
@@ -23,8 +24,7 @@ from gateway.domain.command import (
     new_command_id,
     wire_id,
 )
-from gateway.domain.errors import CommandDeliveredError, UnknownCommandError
-from gateway.domain.once import check_key
+from gateway.domain.idempotency import check_key
 from gateway.domain.principal import Principal
 from gateway.errors import (
     BodyTooLargeError,
@@ -35,22 +35,22 @@ from gateway.errors import (
     StoreError,
     UnknownRobotError,
 )
+from gateway.fleet.command_dispatcher import CommandDispatcher
 from gateway.fleet.command_rows import CommandRows, Database
-from gateway.fleet.commands import CommandDesk
+from gateway.fleet.command_watchers import CommandWatchers
 from gateway.fleet.delivery import Delivery
-from gateway.fleet.desk import MAX_TIMEOUT_S, FleetDesk
 from gateway.fleet.kinds import build, kind_of, read_result
+from gateway.fleet.manager import MAX_TIMEOUT_S, FleetManager
 from gateway.fleet.robots import FindRobot, SendFrame
-from gateway.fleet.watching import Watchers
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Noted", "Order", "OrderDesk"]
+__all__ = ["CommandManager", "NewCommand", "TrackedCommand"]
 
 log = logging.getLogger(__name__)
 
-NOTES = 4096  # of older doors that wait for the store; further ones leave no row
+NOTES = 4096  # tracked commands that wait for the store; further ones leave no row
 NOTE_S = 0.2
 NOTE_RETRY_S = 1.0  # while the store takes none
 UNSHOWN = frozenset({"lease_id"})  # whoever reads the history would have the robot: the id is all that a lease asks for
@@ -58,8 +58,8 @@ Local = Callable[[str, Mapping[str, Any]], Awaitable[Any]]  # robot and request;
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """What somebody asks of a robot."""
+class NewCommand:
+    """A command that a client requests of a robot."""
 
     robot: str
     kind: str
@@ -79,20 +79,20 @@ class Order:
 
 
 @dataclass(slots=True)
-class Noted:
-    """A command of an older door while it runs; `result` is what it answered, as JSON."""
+class TrackedCommand:
+    """A command of an endpoint without durable commands while it runs; `result` is its answer, as JSON."""
 
     result: Any = None
 
 
-class OrderDesk:
+class CommandManager:
     """Everything about commands that are kept; all methods on the event loop."""
 
     def __init__(
         self,
         database: Database,
-        commands: CommandDesk,
-        fleet: FleetDesk,
+        commands: CommandDispatcher,
+        fleet: FleetManager,
         find: FindRobot,
         send: SendFrame,
         *,
@@ -112,7 +112,7 @@ class OrderDesk:
         self._find = find
         self._clock = clock
         self._limits = limits
-        self._watchers = Watchers(self._rows)
+        self._watchers = CommandWatchers(self._rows)
         self._notes: deque[Command] = deque(maxlen=NOTES)
         self._noted = asyncio.Event()
         self.waiting: Callable[[str], None] = lambda robot: None  # a robot that is not linked here has another one
@@ -127,7 +127,7 @@ class OrderDesk:
             limits=limits,
         )
 
-    async def send(self, order: Order, principal: Principal) -> Command:
+    async def send(self, order: NewCommand, principal: Principal) -> Command:
         """Store a command and have it carried out: an immediate one is over when this returns, a durable one is not.
 
         The same order under the same idempotency key is the same command, however often it is sent.
@@ -196,31 +196,31 @@ class OrderDesk:
 
     async def watch(self, command_id: str) -> AsyncIterator[Command]:
         """The command as it is, then at each change, until it is over."""
-        told = ""
+        seen = ""
         with self._watchers.watching(command_id) as watched:
             while True:
                 event = watched.event  # from before the look: no change comes between
                 command = await self.get(command_id)
                 watched.saw(command.state)
-                if command.state != told:
-                    told = command.state
+                if command.state != seen:
+                    seen = command.state
                     yield command
                 if command.over:
                     return
                 await event.wait()
 
     @contextmanager
-    def noted(self, order: Order, principal: Principal) -> Iterator[Noted]:
-        """An immediate command that a door carries out by itself: its end is kept, a moment after it.
+    def track(self, order: NewCommand, principal: Principal) -> Iterator[TrackedCommand]:
+        """Track an immediate command that an endpoint carries out by itself: its end is stored shortly after.
 
         What never left for the robot (an error of the request) leaves no row.
         """
-        noted, begun_ns = Noted(), self._clock.wall_ns()
+        track, begun_ns = TrackedCommand(), self._clock.wall_ns()
         end: dict[str, Any] = {"state": DONE}
         try:
-            yield noted
-            if noted.result is not None:
-                end["result"] = orjson.dumps(noted.result, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+            yield track
+            if track.result is not None:
+                end["result"] = orjson.dumps(track.result, option=orjson.OPT_SERIALIZE_NUMPY).decode()
         except RobotError as error:
             end = _failure(error)
             raise
@@ -254,7 +254,7 @@ class OrderDesk:
         except UnknownRobotError:  # it has only ever been at another gateway of this store
             return False
 
-    def _check(self, order: Order) -> None:
+    def _check(self, order: NewCommand) -> None:
         kind_of(order.kind)
         if not 0 < order.timeout_s <= MAX_TIMEOUT_S:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
@@ -265,7 +265,7 @@ class OrderDesk:
         if order.idempotency is not None:
             check_key(order.idempotency)
 
-    def _made(self, order: Order, principal: Principal) -> Command:
+    def _made(self, order: NewCommand, principal: Principal) -> Command:
         now_ns = self._clock.wall_ns()
         shown = {key: value for key, value in order.request.items() if key not in UNSHOWN}
         try:
@@ -320,7 +320,7 @@ class OrderDesk:
             log.warning("the end of command %s is not stored: %s", command_id, error)
         self._changed(command_id)
 
-    def _note(self, order: Order, principal: Principal, begun_ns: int, end: dict[str, Any]) -> None:
+    def _note(self, order: NewCommand, principal: Principal, begun_ns: int, end: dict[str, Any]) -> None:
         text = orjson.dumps(dict(order.request), option=orjson.OPT_SERIALIZE_NUMPY).decode()
         if len(text) > self._limits.command_request_bytes:
             text = orjson.dumps({"size_bytes": len(text)}).decode()

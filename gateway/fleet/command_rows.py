@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
-from gateway.domain.command import OPEN, Command
+from gateway.domain.fleet.command import OPEN, Command
 from gateway.errors import StoreError, UnknownRobotError
-from gateway.store import commands as table
 from gateway.store.engine import StoreEngine
+from gateway.store.fleet import commands as table
 
 __all__ = ["CommandRows", "Database"]
 

@@ -1,4 +1,4 @@
-"""Who waits for a command, however many: woken when it changes here, and by one look for all at what others changed."""
+"""Waits for commands to change: woken by changes of this gateway, and by one poll for those of others."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from contextlib import contextmanager
 from gateway.errors import StoreError
 from gateway.fleet.command_rows import CommandRows
 
-__all__ = ["Watched", "Watchers"]
+__all__ = ["CommandWatchers", "WatchedCommand"]
 
 log = logging.getLogger(__name__)
 
 LOOK_S = 0.5  # another gateway, or a purge, may have changed what is waited for
 
 
-class Watched:
+class WatchedCommand:
     """One command that is waited for; `state` is the newest that a watcher has seen."""
 
     def __init__(self) -> None:
@@ -37,17 +37,17 @@ class Watched:
         event.set()
 
 
-class Watchers:
+class CommandWatchers:
     """All methods on the event loop."""
 
     def __init__(self, rows: CommandRows) -> None:
         self._rows = rows
-        self._watched: dict[str, Watched] = {}
+        self._watched: dict[str, WatchedCommand] = {}
 
     @contextmanager
-    def watching(self, command_id: str) -> Iterator[Watched]:
+    def watching(self, command_id: str) -> Iterator[WatchedCommand]:
         """While somebody waits for a command."""
-        watched = self._watched.setdefault(command_id, Watched())
+        watched = self._watched.setdefault(command_id, WatchedCommand())
         watched.count += 1
         try:
             yield watched

@@ -14,7 +14,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
 from typing import Any
 
-from gateway.domain.command import (
+from gateway.domain.fleet.command import (
     DELIVERED,
     DONE,
     EXPIRED,

@@ -12,8 +12,8 @@ from typing import Any
 import orjson
 
 from gateway.errors import InvalidRequestError
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.typed import LARGE_BYTES
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.ros.typed import LARGE_BYTES
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -23,7 +23,7 @@ __all__ = ["KINDS", "Kind", "build", "kind_of", "read_result"]
 VERBS = ("start", "stop", "restart", "signal", "retry")
 MAX_TEXT_CHARS = 1024
 Request = Mapping[str, Any]
-Build = Callable[[FleetDesk, str, Request], Awaitable[link_pb2.Command]]
+Build = Callable[[FleetManager, str, Request], Awaitable[link_pb2.Command]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Kind:
     build: Build
 
 
-async def _publish(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+async def _publish(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
     cdr = request.get("cdr")
     try:
         payload = None if cdr is None else base64.b64decode(cdr, validate=True)
@@ -54,7 +54,7 @@ async def _publish(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.C
     )
 
 
-async def _call(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+async def _call(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
     return await fleet.calling(
         robot,
         request["service"],
@@ -64,7 +64,7 @@ async def _call(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Comm
     )
 
 
-async def _node_verb(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+async def _node_verb(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
     if request["verb"] not in VERBS:
         raise InvalidRequestError(f"request.verb is one of {', '.join(VERBS)}")
     signal = int(request.get("signal", 0))
@@ -73,7 +73,7 @@ async def _node_verb(fleet: FleetDesk, robot: str, request: Request) -> link_pb2
     return link_pb2.Command(node_verb=link_pb2.NodeVerb(node=request["node"], verb=request["verb"], signal=signal))
 
 
-async def _read_log(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+async def _read_log(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
     size = int(request.get("max_bytes", 64 * 1024))
     if not 1 <= size <= LIMITS.result_bytes:
         raise InvalidRequestError(f"request.max_bytes is 1 to {LIMITS.result_bytes}")
@@ -88,15 +88,15 @@ async def _read_log(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.
     )
 
 
-async def _set_uplink(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+async def _set_uplink(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
     bytes_per_s = request["bytes_per_s"] or 0
     if not 0 <= bytes_per_s < 2**63:
         raise InvalidRequestError("request.bytes_per_s is 0 or more; 0 or null is no limit")
     return link_pb2.Command(set_uplink=link_pb2.SetUplink(bytes_per_s=bytes_per_s))
 
 
-async def _save_recording(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
-    """The gateway's own desk of recordings asks the robot, again and again until it has the file."""
+async def _save_recording(fleet: FleetManager, robot: str, request: Request) -> link_pb2.Command:
+    """The gateway's own recording manager asks the robot, again and again until it has the file."""
     if not all(isinstance(topic, str) for topic in request.get("topics", ())):
         raise InvalidRequestError("request.topics are patterns of topics")
     return link_pb2.Command()
@@ -138,12 +138,12 @@ def kind_of(name: str) -> Kind:
     return found
 
 
-async def build(fleet: FleetDesk, robot: str, kind: Kind, request: Request, *, durable: bool) -> link_pb2.Command:
+async def build(fleet: FleetManager, robot: str, kind: Kind, request: Request, *, durable: bool) -> link_pb2.Command:
     """The command as it goes over the link, without id and times.
 
     Raises:
         InvalidRequestError: the request does not fit, or would move the robot later than now.
-        UnknownRobotError, LeaseRequiredError: see FleetDesk.
+        UnknownRobotError, LeaseRequiredError: see FleetManager.
     """
     for name, value in request.items():
         wanted = kind.fields.get(name)
@@ -162,7 +162,7 @@ async def build(fleet: FleetDesk, robot: str, kind: Kind, request: Request, *, d
     return await kind.build(fleet, robot, request)
 
 
-async def read_result(fleet: FleetDesk, wire: link_pb2.Command, payload: bytes) -> str:
+async def read_result(fleet: FleetManager, wire: link_pb2.Command, payload: bytes) -> str:
     """What came back, as JSON text; "" where a kind has nothing to tell."""
     action = wire.WhichOneof("action")
     if not payload or action not in ("call_service", "read_log"):

@@ -1,4 +1,4 @@
-"""Leases on a robot: to drive it, and to talk through it. Taken here and at its agent, renewed by use, given back."""
+"""Leases on a robot, to drive it and to talk through it: taken here and at its agent, renewed by use, released."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
-from gateway.domain.lease import Lease, LeaseTable
+from gateway.domain.fleet.lease import Lease, LeaseTable
 from gateway.errors import InvalidRequestError, LeaseRequiredError, RobotError
-from gateway.fleet.commands import CommandDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
 from gateway.fleet.robots import FindRobot, SendFrame, require_online
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.idl import names
 from metaros.limits import LIMITS
 
-__all__ = ["Arbiter", "Drive", "LeaseDesk"]
+__all__ = ["HeldLease", "LeaseManager", "RemoteLeases"]
 
 GRANT_S = 2.0
 MAX_HOLDER_CHARS = 64
 
 
 @dataclass(slots=True)
-class Drive:
-    """One holder of one robot's lease: at its wheel, or at its microphone."""
+class HeldLease:
+    """A client's lease on one robot, to drive it or to talk through it."""
 
     robot: str
     holder: str
@@ -40,8 +40,8 @@ class Drive:
         return self.gone.is_set()
 
 
-class Arbiter(Protocol):
-    """Decides on leases of robots that are linked to other gateways, by asking those; what they say is raised here."""
+class RemoteLeases(Protocol):
+    """Leases of robots that are linked to other gateways: asks those, and raises their errors here."""
 
     def decides(self, robot: str) -> bool:
         """Whether the robot's link is at another gateway."""
@@ -56,23 +56,23 @@ class Arbiter(Protocol):
         """Stop the robot and give the lease back; nothing happens to one that is over."""
 
 
-class LeaseDesk(ABC):
+class LeaseManager(ABC):
     """Takes, keeps and ends one kind of lease; lives on the event loop."""
 
     topic: ClassVar[str]  # what the lease is for, in the robot's namespace
 
     def __init__(
-        self, find: FindRobot, commands: CommandDesk, leases: LeaseTable, send: SendFrame, *, clock: Clock
+        self, find: FindRobot, commands: CommandDispatcher, leases: LeaseTable, send: SendFrame, *, clock: Clock
     ) -> None:
         self._find = find
         self._commands = commands
         self._leases = leases
         self._send = send
         self._clock = clock
-        self._drives: dict[str, Drive] = {}
-        self.arbiter: Arbiter | None = None  # where this gateway is one of several
+        self._drives: dict[str, HeldLease] = {}
+        self.remote: RemoteLeases | None = None  # where this gateway is one of several
 
-    async def take(self, robot_id: str, holder: str, *, lease_id: str = "") -> Drive:
+    async def take(self, robot_id: str, holder: str, *, lease_id: str = "") -> HeldLease:
         """Take the robot's lease here and at its agent; LeaseTakenError names who has it.
 
         `lease_id` is one that was made at another gateway of the robot's link here.
@@ -81,21 +81,21 @@ class LeaseDesk(ABC):
             raise InvalidRequestError(f"holder is a name of 1 to {MAX_HOLDER_CHARS} characters")
         view = require_online(self._find(robot_id))
         topic = names.resolve(self.topic, view.robot.namespace)
-        drive = Drive(robot_id, holder, lease_id or secrets.token_urlsafe(16), topic)
+        drive = HeldLease(robot_id, holder, lease_id or secrets.token_urlsafe(16), topic)
         await self._grant(drive)
         return drive
 
     @abstractmethod
-    def stop(self, drive: Drive) -> None:
+    def stop(self, drive: HeldLease) -> None:
         """End what is under way, if the robot can still be told."""
 
-    async def release(self, drive: Drive) -> None:
+    async def release(self, drive: HeldLease) -> None:
         """Stop and give the lease back."""
         self.stop(drive)
         if self._drives.get(drive.robot) is drive:
             del self._drives[drive.robot]
-        if (arbiter := self._elsewhere(drive.robot)) is not None:
-            await arbiter.end(drive.robot, drive.lease_id)
+        if (remote := self._remote_for(drive.robot)) is not None:
+            await remote.end(drive.robot, drive.lease_id)
             return
         if not self._leases.release(drive.robot, drive.lease_id) or drive.lost:
             return
@@ -106,16 +106,16 @@ class LeaseDesk(ABC):
 
     async def renew(self, robot_id: str, lease_id: str) -> Lease:
         """More time for a lease, here and at the agent; LeaseRequiredError when it is not the robot's living one."""
-        if (arbiter := self._elsewhere(robot_id)) is not None:
-            return await arbiter.renew(robot_id, lease_id)
+        if (remote := self._remote_for(robot_id)) is not None:
+            return await remote.renew(robot_id, lease_id)
         lease = self._leases.renew(robot_id, lease_id, now_s=self._clock.monotonic_s())
-        await self._tell_grant(robot_id, lease_id, lease.holder)
+        await self._report_grant(robot_id, lease_id, lease.holder)
         return lease
 
     async def end(self, robot_id: str, lease_id: str) -> None:
         """Stop and give a lease back by its id; nothing happens to one that is over."""
-        if (arbiter := self._elsewhere(robot_id)) is not None:
-            await arbiter.end(robot_id, lease_id)
+        if (remote := self._remote_for(robot_id)) is not None:
+            await remote.end(robot_id, lease_id)
             return
         drive = self._drives.get(robot_id)
         if drive is not None and lease_id and drive.lease_id == lease_id:
@@ -158,7 +158,7 @@ class LeaseDesk(ABC):
     def _frame(self, teleop: link_pb2.Teleop) -> link_pb2.GatewayFrame:
         """The frame that takes a message of this kind to the robot."""
 
-    async def _renewed(self, drive: Drive) -> Lease:
+    async def _renewed(self, drive: HeldLease) -> Lease:
         """The holder's lease with new time; one that lapsed unclaimed is taken again. LeaseRequiredError."""
         if drive.lost:
             raise LeaseRequiredError(f"robot {drive.robot} lost its link: take the lease again")
@@ -167,7 +167,7 @@ class LeaseDesk(ABC):
         except LeaseRequiredError:
             return await self._grant(drive)
 
-    def _put(self, drive: Drive, type_name: str, type_hash: str, payload: bytes, *, sent_ns: int = 0) -> None:
+    def _put(self, drive: HeldLease, type_name: str, type_hash: str, payload: bytes, *, sent_ns: int = 0) -> None:
         """Send the holder's next message; `sent_ns` is when it was made, 0 = now."""
         now_ns = self._clock.wall_ns()
         drive.seq += 1
@@ -182,25 +182,25 @@ class LeaseDesk(ABC):
         )
         self._send(drive.robot, self._frame(teleop))
 
-    def _elsewhere(self, robot_id: str) -> Arbiter | None:
+    def _remote_for(self, robot_id: str) -> RemoteLeases | None:
         """Whom to ask about a robot whose link is not here."""
-        return self.arbiter if self.arbiter is not None and self.arbiter.decides(robot_id) else None
+        return self.remote if self.remote is not None and self.remote.decides(robot_id) else None
 
-    async def _grant(self, drive: Drive) -> Lease:
-        if (arbiter := self._elsewhere(drive.robot)) is not None:
-            lease = await arbiter.take(drive.robot, drive.holder, drive.lease_id)
+    async def _grant(self, drive: HeldLease) -> Lease:
+        if (remote := self._remote_for(drive.robot)) is not None:
+            lease = await remote.take(drive.robot, drive.holder, drive.lease_id)
             self._drives[drive.robot] = drive
             return lease
         now_s = self._clock.monotonic_s()
         lease = self._leases.take(drive.robot, drive.holder, lease_id=drive.lease_id, now_s=now_s)
         self._drives[drive.robot] = drive
         try:
-            await self._tell_grant(drive.robot, drive.lease_id, drive.holder)
+            await self._report_grant(drive.robot, drive.lease_id, drive.holder)
         except BaseException:
             self._leases.release(drive.robot, drive.lease_id)
             raise
         return lease
 
-    async def _tell_grant(self, robot_id: str, lease_id: str, holder: str) -> None:
+    async def _report_grant(self, robot_id: str, lease_id: str, holder: str) -> None:
         grant = link_pb2.GrantLease(lease_id=lease_id, holder=holder, valid_ms=round(LIMITS.lease_s * 1000))
         await self._commands.run(robot_id, self._granting(grant), timeout_s=GRANT_S)

@@ -1,4 +1,4 @@
-"""Publishing on a robot and calling its services, on behalf of API clients."""
+"""Publishes on robots and calls their services, on behalf of API clients."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any
 
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.errors import InvalidRequestError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.graph import RobotGraph
+from gateway.fleet.command_dispatcher import CommandDispatcher
 from gateway.fleet.robots import FindRobot, require_online
-from gateway.fleet.ros_errors import UnknownServiceError
+from gateway.fleet.ros.errors import UnknownServiceError
+from gateway.fleet.ros.graph import RobotGraph
+from gateway.fleet.ros.typed import LARGE_BYTES, catalogue_for, decode, encode, is_large
+from gateway.fleet.ros.types import TypeRegistry, full_type_name
 from gateway.fleet.talk import TALK_TOPICS
-from gateway.fleet.typed import LARGE_BYTES, catalogue_for, decode, encode, is_large
-from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.idl import names, type_hash
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
-__all__ = ["FleetDesk"]
+__all__ = ["FleetManager"]
 
 MAX_TIMEOUT_S = 120.0
 
 Turn = AbstractAsyncContextManager[None]
 
 
-class FleetDesk:
+class FleetManager:
     """Resolves names and types, checks the lease on actuators, and sends the command."""
 
     def __init__(
         self,
         find: FindRobot,
-        commands: CommandDesk,
+        commands: CommandDispatcher,
         leases: LeaseTable,
         talks: LeaseTable | None = None,
         *,
@@ -49,10 +49,10 @@ class FleetDesk:
         self._clock = clock
         self._actuators = tuple(Glob(pattern) for pattern in actuator_topics)
         self._talk = tuple(Glob(pattern) for pattern in TALK_TOPICS)
-        self._types = TypeBook()
+        self._types = TypeRegistry()
         self._graph_of: Callable[[str], RobotGraph] = lambda robot_id: RobotGraph(robot=robot_id)
 
-    def know(self, graph_of: Callable[[str], RobotGraph]) -> None:
+    def use_graphs(self, graph_of: Callable[[str], RobotGraph]) -> None:
         """Where robots' services are told, with their types."""
         self._graph_of = graph_of
 

@@ -1,4 +1,4 @@
-"""Where robots are: whether they have a link, at this gateway or at another one of the store."""
+"""Robots' presence: whether they have a link, at this gateway or at another one of the store."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from gateway.errors import StoreError
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.presence import forget_gateway, read_presence, say_alive, write_presence
+from gateway.store.fleet.presence import forget_gateway, read_presence, say_alive, write_presence
 from metaros.clock import Clock
 
 __all__ = ["Presence"]
@@ -30,7 +30,7 @@ class Presence:
         self._here = here
         self._clock = clock
         self._changed: set[str] = set()
-        self._elsewhere: dict[str, tuple[bool, int]] = {}
+        self._remote: dict[str, tuple[bool, int]] = {}
         self._begun = False
 
     def on_online(self, robot: str) -> None:
@@ -39,8 +39,8 @@ class Presence:
 
     def of(self, robot: str) -> tuple[bool, int]:
         """Whether the robot is online anywhere, and since when it is or is not, as of the last `look`."""
-        here, elsewhere = self._here(robot), self._elsewhere.get(robot, (False, 0))
-        return here if here[0] else max(elsewhere, here)
+        here, remote = self._here(robot), self._remote.get(robot, (False, 0))
+        return here if here[0] else max(remote, here)
 
     def is_here(self, robot: str) -> bool:
         """Whether it is linked to this very gateway."""
@@ -55,9 +55,9 @@ class Presence:
                 with engine.transaction(write=False):
                     return read_presence(engine, self._store.gateway_id, now_ns=now_ns)
 
-            self._elsewhere = await self._store.read(job)
+            self._remote = await self._store.read(job)
 
-    async def say(self) -> None:
+    async def publish(self) -> None:
         """Tell other gateways what changed here, and that this one lives."""
         if not self._store.shared:
             self._changed.clear()
@@ -82,7 +82,7 @@ class Presence:
         """Until cancelled."""
         while True:
             try:
-                await self.say()
+                await self.publish()
             except StoreError as error:
                 log.debug("other gateways do not hear where robots are: %s", error)
             await asyncio.sleep(STEP_S)

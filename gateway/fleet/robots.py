@@ -1,4 +1,4 @@
-"""How this feature sees a robot; `app.py` gives it the registry's records."""
+"""The view of a robot that this feature needs; the wiring provides the registry's records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Talking through a robot's speaker: the lease, packets of speech under it, and the empty packet that ends it.
+"""Push-to-talk through a robot's speaker: the lease, packets of speech under it, and the empty packet that ends it.
 
 A packet goes on as it came: one Opus packet or a piece of 16-bit PCM, in a `metaros_msgs/msg/AudioPacket`.
 """
@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gateway.domain.lease import Lease
+from gateway.domain.fleet.lease import Lease
 from gateway.errors import InvalidRequestError, RobotError
-from gateway.fleet.lease_desk import Drive, LeaseDesk
+from gateway.fleet.lease_manager import HeldLease, LeaseManager
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import type_hash
@@ -17,7 +17,7 @@ from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.metaros_msgs.msg import AudioPacket
 from metaros.limits import LIMITS
 
-__all__ = ["CODECS", "SAMPLE_RATES", "TALK_TOPICS", "TalkDesk"]
+__all__ = ["CODECS", "SAMPLE_RATES", "TALK_TOPICS", "TalkManager"]
 
 TALK_TOPICS: Final = ("**/speaker/talk",)  # as every agent has them
 CODECS: Final = ("opus", "pcm-s16")
@@ -25,12 +25,12 @@ SAMPLE_RATES: Final = (8000, 12000, 16000, 24000, 48000)
 AUDIO: Final = "metaros_msgs/msg/AudioPacket"
 
 
-class TalkDesk(LeaseDesk):
+class TalkManager(LeaseManager):
     """Takes, keeps and ends talks; lives on the event loop."""
 
     topic = "speaker/talk"
 
-    async def say(self, talk: Drive, sound: bytes, *, coding: str, sample_rate: int) -> Lease:
+    async def say(self, talk: HeldLease, sound: bytes, *, coding: str, sample_rate: int) -> Lease:
         """Send one packet of one channel and renew the lease; one that lapsed unclaimed is taken again.
 
         Raises:
@@ -45,7 +45,7 @@ class TalkDesk(LeaseDesk):
         self._packet(talk, sound, coding=coding, sample_rate=sample_rate)
         return lease
 
-    def stop(self, drive: Drive) -> None:
+    def stop(self, drive: HeldLease) -> None:
         """An empty packet: silence at once, if the robot can still be told."""
         if not drive.lost:
             try:
@@ -53,7 +53,7 @@ class TalkDesk(LeaseDesk):
             except RobotError:
                 drive.gone.set()
 
-    def _packet(self, talk: Drive, sound: bytes, *, coding: str, sample_rate: int) -> None:
+    def _packet(self, talk: HeldLease, sound: bytes, *, coding: str, sample_rate: int) -> None:
         sec, nanosec = divmod(self._clock.wall_ns(), 1_000_000_000)
         packet = AudioPacket(
             stamp=Time(sec=sec, nanosec=nanosec),

@@ -1,4 +1,4 @@
-"""Driving: the lease, drive commands under it, and the stop that ends it.
+"""Teleoperation: the lease, drive commands under it, and the stop that ends it.
 
 The gateway is neither of the two watchdogs (design D13): when drive commands stop coming, the agent and the base stop
 the robot by themselves. What the gateway adds is the lease, and a zero command as soon as it knows.
@@ -8,33 +8,33 @@ from __future__ import annotations
 
 import math
 
-from gateway.domain.lease import Lease, LeaseTable
+from gateway.domain.fleet.lease import Lease, LeaseTable
 from gateway.errors import InvalidRequestError, RobotError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.lease_desk import Drive, LeaseDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.lease_manager import HeldLease, LeaseManager
 from gateway.fleet.robots import FindRobot, RobotView, SendFrame
-from gateway.fleet.types import TypeBook
+from gateway.fleet.ros.types import TypeRegistry
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["TWIST", "TWIST_STAMPED", "TeleopDesk"]
+__all__ = ["TWIST", "TWIST_STAMPED", "TeleopManager"]
 
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 
 
-class TeleopDesk(LeaseDesk):
+class TeleopManager(LeaseManager):
     """Takes, keeps and ends drives; lives on the event loop."""
 
     topic = "cmd_vel"
 
     def __init__(
-        self, find: FindRobot, commands: CommandDesk, leases: LeaseTable, send: SendFrame, *, clock: Clock
+        self, find: FindRobot, commands: CommandDispatcher, leases: LeaseTable, send: SendFrame, *, clock: Clock
     ) -> None:
         super().__init__(find, commands, leases, send, clock=clock)
-        self._types = TypeBook()
+        self._types = TypeRegistry()
 
-    async def drive(self, drive: Drive, *, linear: float, angular: float, sent_ns: int = 0) -> Lease:
+    async def drive(self, drive: HeldLease, *, linear: float, angular: float, sent_ns: int = 0) -> Lease:
         """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again.
 
         `sent_ns` is the driver's wall clock when it was made, 0 = now: the agent drops what is too old.
@@ -45,7 +45,7 @@ class TeleopDesk(LeaseDesk):
         self._command(drive, linear, angular, sent_ns=sent_ns)
         return lease
 
-    def stop(self, drive: Drive) -> None:
+    def stop(self, drive: HeldLease) -> None:
         """A zero command, if the robot can still be told."""
         if not drive.lost:
             try:
@@ -62,7 +62,7 @@ class TeleopDesk(LeaseDesk):
     def _frame(self, teleop: link_pb2.Teleop) -> link_pb2.GatewayFrame:
         return link_pb2.GatewayFrame(teleop=teleop)
 
-    def _command(self, drive: Drive, linear: float, angular: float, *, sent_ns: int = 0) -> None:
+    def _command(self, drive: HeldLease, linear: float, angular: float, *, sent_ns: int = 0) -> None:
         view = self._find(drive.robot)
         name, value = self._message(view, drive.topic, linear, angular)
         payload, type_hash = self._types.encode(name, value, view.channel_of(drive.topic))

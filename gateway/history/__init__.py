@@ -1,1 +1,1 @@
-"""What a fleet sent, asked for by robot, topic and time."""
+"""Stored messages of the fleet, queried by robot, topic and time."""

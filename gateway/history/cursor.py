@@ -7,7 +7,7 @@ import binascii
 import struct
 
 from gateway.errors import InvalidRequestError
-from gateway.history.messages import Place
+from gateway.history.messages import MessageKey
 
 __all__ = ["read_cursor", "write_cursor"]
 
@@ -15,13 +15,13 @@ _FORMAT = struct.Struct("<BqQQQ")
 _ASCENDING, _DESCENDING = 1, 2
 
 
-def write_cursor(place: Place, *, newest_first: bool) -> str:
+def write_cursor(place: MessageKey, *, newest_first: bool) -> str:
     """The text for a page that ended with the message at `place`."""
     packed = _FORMAT.pack(_DESCENDING if newest_first else _ASCENDING, *place)
     return base64.urlsafe_b64encode(packed).rstrip(b"=").decode()
 
 
-def read_cursor(text: str, *, newest_first: bool) -> Place:
+def read_cursor(text: str, *, newest_first: bool) -> MessageKey:
     """Where to go on; InvalidRequestError for a text that is no cursor of pages in this order."""
     try:
         order, stamp_ns, stream_id, epoch, seq = _FORMAT.unpack(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))

@@ -19,9 +19,9 @@ import orjson
 
 from gateway.domain.channel import Channel
 from gateway.domain.qos import offered_qos
-from gateway.history.losses import Loss, folded, loss_view
+from gateway.history.losses import Loss, loss_view, merged_losses
+from gateway.history.scan import Scan
 from gateway.history.source import Source
-from gateway.history.walk import Walk
 from metaros.limits import LIMITS
 from metaros.mcap import McapFile
 
@@ -54,7 +54,7 @@ class Export:
         self._shared = _shared_names(request.topics)
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[tuple[Any, ...], int] = {}
-        self._walks = [self._walk(robot_id) for robot_id in request.topics]
+        self._scans = [self._scan(robot_id) for robot_id in request.topics]
 
     @property
     def stopped(self) -> bool:
@@ -68,7 +68,7 @@ class Export:
     def pieces(self) -> Iterator[bytes]:
         """The file, from its first byte to its last; StoreError when the store fails, and the file then has no end."""
         file: McapFile[None] = McapFile(self._output, chunk_bytes=CHUNK_BYTES)
-        streams = [walk.messages() for walk in self._walks]
+        streams = [scan.messages() for scan in self._scans]
         for message in heapq.merge(*streams, key=lambda item: item.stamp_ns):
             if self._stopped.is_set():
                 return
@@ -81,8 +81,8 @@ class Export:
         file.finish(lambda: [(GAPS, self._accounts(file.counts()))], lambda notes: None)
         yield self._output.take()
 
-    def _walk(self, robot_id: str) -> Walk:
-        return Walk(
+    def _scan(self, robot_id: str) -> Scan:
+        return Scan(
             source=self._source,
             robot_id=robot_id,
             topics=self._request.topics[robot_id],
@@ -121,12 +121,12 @@ class Export:
         """What the file has and lacks, by topic and robot; those without a loss are in it, too: that is the proof."""
         request = self._request
         found: dict[tuple[str, str], list[Loss]] = {}
-        for walk in self._walks:
-            robot_id = walk.robot_id
-            found.update(((self._name(robot_id, topic), robot_id), []) for topic in walk.topics)
+        for scan in self._scans:
+            robot_id = scan.robot_id
+            found.update(((self._name(robot_id, topic), robot_id), []) for topic in scan.topics)
             declared = self._source.losses(robot_id, start_ns=request.start_ns, end_ns=request.end_ns)
-            for loss in [*declared, *walk.losses]:
-                if loss.topic is None or loss.topic in walk.topics:
+            for loss in [*declared, *scan.losses]:
+                if loss.topic is None or loss.topic in scan.topics:
                     name = self._name(robot_id, loss.topic) if loss.topic else _NO_TOPIC
                     found.setdefault((name, robot_id), []).append(loss)
         received: Counter[tuple[str, str]] = Counter()
@@ -159,7 +159,7 @@ def _account(received: int, losses: Sequence[Loss]) -> str:
     """In the words of a recorder's account of a publisher; messages are counted, as numbers start anew now and then."""
     lost = sum(loss.count for loss in losses)
     facts = {"first": 1, "last": received + lost, "received": received}
-    return orjson.dumps({**facts, "losses": [loss_view(loss) for loss in folded(losses)]}).decode()
+    return orjson.dumps({**facts, "losses": [loss_view(loss) for loss in merged_losses(losses)]}).decode()
 
 
 def _metadata(channel: Channel) -> dict[str, str]:

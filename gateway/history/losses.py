@@ -1,4 +1,4 @@
-"""Losses as answers show them: when, how many, why, of which topic. Pure."""
+"""Losses of samples in API responses: when, how many, why, of which topic. Pure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-__all__ = ["MAX_LOSSES", "Loss", "folded", "loss_view"]
+__all__ = ["MAX_LOSSES", "Loss", "loss_view", "merged_losses"]
 
 MAX_LOSSES = 1000  # in one answer
 
@@ -22,7 +22,7 @@ class Loss:
     topic: str | None
 
 
-def folded(losses: Iterable[Loss], *, within_ns: int = 0, most: int = MAX_LOSSES) -> list[Loss]:
+def merged_losses(losses: Iterable[Loss], *, within_ns: int = 0, most: int = MAX_LOSSES) -> list[Loss]:
     """In order of time, those of one topic and reason that are no further apart than `within_ns` as one; the newest."""
     open_: dict[tuple[str | None, str], Loss] = {}
     done: list[Loss] = []

@@ -1,4 +1,4 @@
-"""The feature as the API sees it: bounded work on threads of its own, answers ready to be sent.
+"""Queries of stored messages for the API: bounded work on its own threads, answers ready to be sent.
 
 Pages, instants and timelines share two threads and a bounded line in front of them. Each export has a thread at its
 disposal while its reader takes a piece, and none in between; there are at most `LIMITS.exports`.
@@ -13,28 +13,28 @@ from typing import Any, TypeVar
 
 import orjson
 
-from gateway.decoder import Decoder
 from gateway.domain.channel import Channel
+from gateway.domain.decoder import Decoder
 from gateway.errors import StoreError, TooManyError
 from gateway.history.export import Export, ExportRequest
-from gateway.history.instant import Instant, instant_facts, pack_instant, read_instant
-from gateway.history.losses import Loss, folded, loss_view
+from gateway.history.losses import Loss, loss_view, merged_losses
 from gateway.history.pages import Page, PageRequest, message_facts, read_page
+from gateway.history.snapshot import Snapshot, pack_snapshot, read_snapshot, snapshot_facts
 from gateway.history.source import Source, StoreSource
 from gateway.history.timeline import timeline_facts
 from gateway.store import Store
-from gateway.store.history import StoredTopic, stored_channels, topic_names
-from gateway.store.timeline import read_density, series_count
+from gateway.store.telemetry.history import StoredTopic, stored_channels, topic_names
+from gateway.store.telemetry.timeline import read_density, series_count
 from metaros.limits import LIMITS
 
-__all__ = ["ExportStream", "HistoryDesk"]
+__all__ = ["ExportStream", "HistoryManager"]
 
 Result = TypeVar("Result")
 THREADS = 2
 WAITING = 64  # requests that are answered or wait for a thread
 
 
-class HistoryDesk:
+class HistoryManager:
     """Made and used in the event loop; `close` before the store closes."""
 
     def __init__(self, store: Store) -> None:
@@ -85,7 +85,7 @@ class HistoryDesk:
             losses = [*source.losses(request.robot_id, start_ns=request.start_ns, end_ns=request.end_ns), *page.losses]
             wanted = [loss for loss in losses if loss.topic is None or loss.topic in request.topics]
             return _json(
-                {"messages": messages, "gaps": [loss_view(loss) for loss in folded(wanted)], "next": page.next}
+                {"messages": messages, "gaps": [loss_view(loss) for loss in merged_losses(wanted)], "next": page.next}
             )
 
         return await self._work(job)
@@ -100,18 +100,18 @@ class HistoryDesk:
 
         return await self._work(job)
 
-    async def instant(
+    async def snapshot(
         self, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int, show: Callable[[int], str] | None
     ) -> bytes:
         """The newest message of each topic at a time: as records, or with `show` as JSON."""
 
         def job(source: Source) -> bytes:
-            instant = read_instant(source, robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns)
+            snapshot = read_snapshot(source, robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns)
             if show is None:
-                return pack_instant(instant)
+                return pack_snapshot(snapshot)
             decoder = Decoder()
-            messages = [_shown(message_facts(message, decoder), show) for message in instant.messages]
-            return _json({**instant_facts(instant), "messages": messages})
+            messages = [_shown(message_facts(message, decoder), show) for message in snapshot.messages]
+            return _json({**snapshot_facts(snapshot), "messages": messages})
 
         return await self._work(job)
 
@@ -119,9 +119,11 @@ class HistoryDesk:
         """Messages of a range as they are stored."""
         return await self._work(lambda source: read_page(source, request))
 
-    async def at(self, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Instant:
+    async def at(self, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Snapshot:
         """The newest message of each topic at a time, as it is stored."""
-        return await self._work(lambda source: read_instant(source, robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns))
+        return await self._work(
+            lambda source: read_snapshot(source, robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns)
+        )
 
     def export(self, request: ExportRequest) -> ExportStream:
         """An MCAP file, to be taken piece by piece; TooManyError when as many are made as there may be."""

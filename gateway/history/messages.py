@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gateway.domain.channel import Channel
-from gateway.store.samples import StoredBatch, StoredRun
+from gateway.store.telemetry.samples import StoredBatch, StoredRun
 
-__all__ = ["HOLD_BYTES", "Load", "Message", "Place", "merged"]
+__all__ = ["HOLD_BYTES", "Load", "Message", "MessageKey", "merged"]
 
 HOLD_BYTES = 64 << 20
-Place = tuple[int, int, int, int]  # stamp_ns, stream_id, epoch, seq: where a message is in its robot's history
+MessageKey = tuple[int, int, int, int]  # stamp_ns, stream_id, epoch, seq: where a message is in its robot's history
 Load = Callable[[StoredRun], StoredBatch | None]
 
 
@@ -37,7 +37,7 @@ class Message:
     payload: bytes
 
     @property
-    def place(self) -> Place:
+    def place(self) -> MessageKey:
         """Its place in the order of time, different from that of every other message of its robot."""
         return (self.stamp_ns, self.stream_id, self.epoch, self.seq)
 
@@ -63,7 +63,7 @@ class _Open:
         return len(self.batch.payload) if self.batch is not None else 0
 
     @property
-    def place(self) -> Place:
+    def place(self) -> MessageKey:
         run = self.run
         return (self.stamps[self.at], run.stream_id, run.epoch, run.first_seq + self.order[self.at])
 
@@ -95,7 +95,7 @@ class _Merge:
         self._newest_first = newest_first
         self._hold_bytes = hold_bytes
         self._held_bytes = 0
-        self._heap: list[tuple[Place, _Open]] = []
+        self._heap: list[tuple[MessageKey, _Open]] = []
 
     def messages(self, runs: Iterator[StoredRun]) -> Iterator[Message]:
         """Give them out."""
@@ -123,7 +123,7 @@ class _Merge:
     def _begin(self, run: StoredRun) -> int:
         return -run.last_ns if self._newest_first else run.first_ns
 
-    def _key(self, entry: _Open) -> Place:
+    def _key(self, entry: _Open) -> MessageKey:
         place = entry.place
         return (-place[0], -place[1], -place[2], -place[3]) if self._newest_first else place
 

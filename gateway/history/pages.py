@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.decoder import Decoder
+from gateway.domain.decoder import Decoder
 from gateway.history.cursor import write_cursor
 from gateway.history.losses import Loss
-from gateway.history.messages import Message, Place
+from gateway.history.messages import Message, MessageKey
+from gateway.history.scan import Scan
 from gateway.history.source import Source
-from gateway.history.walk import Walk
 from metaros.limits import LIMITS
 
 __all__ = ["Page", "PageRequest", "message_facts", "read_page"]
@@ -30,7 +30,7 @@ class PageRequest:
     end_ns: int
     limit: int
     newest_first: bool = False
-    after: Place | None = None
+    after: MessageKey | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def read_page(source: Source, request: PageRequest) -> Page:
     start_ns, end_ns = request.start_ns, request.end_ns
     if after is not None:
         start_ns, end_ns = (start_ns, min(end_ns, after[0])) if newest_first else (max(start_ns, after[0]), end_ns)
-    walk = Walk(
+    scan = Scan(
         source=source,
         robot_id=request.robot_id,
         topics=request.topics,
@@ -59,15 +59,15 @@ def read_page(source: Source, request: PageRequest) -> Page:
     )
     found: list[Message] = []
     size_bytes = 0
-    for message in walk.messages():
+    for message in scan.messages():
         if after is not None and (message.place >= after if newest_first else message.place <= after):
             continue
         full = len(found) >= request.limit or size_bytes + len(message.payload) > LIMITS.history_page_bytes
         if found and full:
-            return Page(found, walk.losses, write_cursor(found[-1].place, newest_first=newest_first))
+            return Page(found, scan.losses, write_cursor(found[-1].place, newest_first=newest_first))
         found.append(message)
         size_bytes += len(message.payload)
-    return Page(found, walk.losses, None)
+    return Page(found, scan.losses, None)
 
 
 def message_facts(message: Message, decoder: Decoder | None) -> dict[str, Any]:

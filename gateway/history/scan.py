@@ -1,4 +1,4 @@
-"""A walk over a robot's stored messages in order of time, in windows: each is one moment of the store.
+"""A scan of a robot's stored messages in order of time, in windows: each is a consistent view of the store.
 
 The next window begins where the one before was complete, by time and not by row: whatever compaction does to the rows
 between two windows, no message is passed over and none comes twice.
@@ -10,19 +10,19 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from gateway.errors import DamagedError, InvalidRequestError, PurgedError
-from gateway.history.losses import Loss, folded
+from gateway.history.losses import Loss, merged_losses
 from gateway.history.messages import HOLD_BYTES, Message, merged
 from gateway.history.source import Source, loss_reason
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
 
-__all__ = ["MOST_RUNS", "Walk"]
+__all__ = ["MOST_RUNS", "Scan"]
 
 MOST_RUNS = 1 << 16  # of one moment: so many overlap nowhere but in a store of stamps that stand still
 NEAR_NS = 60 * 10**9  # unreadable runs no further apart are told as one loss
 
 
 @dataclass(kw_only=True)
-class Walk:
+class Scan:
     """What is wanted of one robot; both ends are included. `losses` collects what could not be read on the way."""
 
     source: Source
@@ -94,5 +94,5 @@ class Walk:
                     reason=loss_reason(error),
                     topic=run.channel.topic,
                 )
-                self.losses = folded([*self.losses, loss], within_ns=NEAR_NS)
+                self.losses = merged_losses([*self.losses, loss], within_ns=NEAR_NS)
             return None

@@ -1,4 +1,4 @@
-"""An instant: of each topic the newest stored message at or before it, as a viewer of the live stream would have it."""
+"""A snapshot at a time: each topic's newest stored message at or before it, as a live viewer would have had it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import orjson
 from gateway.domain.qos import is_latched
 from gateway.domain.records import Record, introduction, record_parts
 from gateway.errors import DamagedError, PurgedError
-from gateway.history.losses import Loss, folded, loss_view
+from gateway.history.losses import Loss, loss_view, merged_losses
 from gateway.history.messages import Message
 from gateway.history.source import Newest, Source, loss_reason
 from metaros.limits import LIMITS
 
-__all__ = ["Instant", "Missing", "instant_facts", "pack_instant", "read_instant"]
+__all__ = ["Missing", "Snapshot", "pack_snapshot", "read_snapshot", "snapshot_facts"]
 
 TOGETHER = 8  # topics that are read at a time: what is loaded of them is many times what is shown
 _LENGTH = struct.Struct("<I")
@@ -34,7 +34,7 @@ class Missing:
 
 
 @dataclass(slots=True)
-class Instant:
+class Snapshot:
     """What there is at `t_ns`."""
 
     t_ns: int
@@ -43,52 +43,52 @@ class Instant:
     losses: Sequence[Loss] = ()
 
 
-def read_instant(source: Source, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Instant:
+def read_snapshot(source: Source, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Snapshot:
     """Each topic's newest message at or before `t_ns`; of a latched topic at any age, else no older than that."""
-    instant = Instant(t_ns)
+    snapshot = Snapshot(t_ns)
     left_bytes = LIMITS.history_instant_bytes
     for first in range(0, len(topics), TOGETHER):
         some = topics[first : first + TOGETHER]
         for topic, newest in zip(some, source.newest(robot_id, some, t_ns), strict=True):
             found = _message(newest, t_ns)
             if isinstance(found, str):
-                instant.missing.append(Missing(topic, found))
+                snapshot.missing.append(Missing(topic, found))
             elif found.stamp_ns < t_ns - max_age_ns and not is_latched(found.channel.qos):
-                instant.missing.append(Missing(topic, "too_old", found.stamp_ns))
+                snapshot.missing.append(Missing(topic, "too_old", found.stamp_ns))
             elif len(found.payload) > left_bytes:
-                instant.missing.append(Missing(topic, "too_large", found.stamp_ns))
+                snapshot.missing.append(Missing(topic, "too_large", found.stamp_ns))
             else:
-                instant.messages.append(found)
+                snapshot.messages.append(found)
                 left_bytes -= len(found.payload)
     losses = source.losses(robot_id, start_ns=t_ns - max_age_ns, end_ns=t_ns)
-    instant.losses = folded(loss for loss in losses if loss.topic in topics)
-    return instant
+    snapshot.losses = merged_losses(loss for loss in losses if loss.topic in topics)
+    return snapshot
 
 
-def pack_instant(instant: Instant) -> bytes:
+def pack_snapshot(snapshot: Snapshot) -> bytes:
     """The length of a JSON text, the text, and a frame of records as the stream sends them; channels from 1 on."""
     parts: list[bytes] = []
-    for number, message in enumerate(instant.messages, 1):
+    for number, message in enumerate(snapshot.messages, 1):
         record = Record(message.seq, message.stamp_ns, message.receive_ns, message.payload)
         parts += record_parts(record, subscription=0, channel=number)
-    channels = [introduction(message.channel, number) for number, message in enumerate(instant.messages, 1)]
-    text = orjson.dumps({**instant_facts(instant), "channels": channels})
+    channels = [introduction(message.channel, number) for number, message in enumerate(snapshot.messages, 1)]
+    text = orjson.dumps({**snapshot_facts(snapshot), "channels": channels})
     return b"".join((_LENGTH.pack(len(text)), text, *parts))
 
 
-def instant_facts(instant: Instant) -> dict[str, Any]:
+def snapshot_facts(snapshot: Snapshot) -> dict[str, Any]:
     """What every format of the answer says."""
     return {
-        "t_ms": instant.t_ns / 1e6,
+        "t_ms": snapshot.t_ns / 1e6,
         "missing": [
             {
                 "topic": item.topic,
                 "reason": item.reason,
                 "nearest_ms": None if item.nearest_ns is None else item.nearest_ns / 1e6,
             }
-            for item in instant.missing
+            for item in snapshot.missing
         ],
-        "gaps": [loss_view(loss) for loss in instant.losses],
+        "gaps": [loss_view(loss) for loss in snapshot.losses],
     }
 
 

@@ -1,4 +1,4 @@
-"""What the features here need of the store, asked from a thread of their own.
+"""The interface to the store for these features, called from their own threads.
 
 Messages are merged, decoded and packed off the event loop, on threads; the store answers on its own. `StoreSource` is
 the bridge: each question goes to the event loop, and the thread waits for its answer, no longer than `WAIT_S`.
@@ -14,9 +14,9 @@ from typing import Any, Protocol, TypeVar
 from gateway.errors import DamagedError, PurgedError, StoreError
 from gateway.history.losses import MAX_LOSSES, Loss
 from gateway.store import Store
-from gateway.store.history import TopicGap
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
-from gateway.store.undated import undated_gaps
+from gateway.store.telemetry.history import TopicGap
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.telemetry.undated_gaps import undated_gaps
 
 __all__ = ["WAIT_S", "Newest", "Source", "StoreSource", "loss_reason"]
 

@@ -1,12 +1,12 @@
-"""The time bar: how much is stored when, and what is lost."""
+"""The data of the time bar: how much is stored when, and what is lost."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.history.losses import Loss, folded, loss_view
-from gateway.store.timeline import Density
+from gateway.history.losses import Loss, loss_view, merged_losses
+from gateway.store.telemetry.timeline import Density
 
 __all__ = ["timeline_facts"]
 
@@ -19,5 +19,5 @@ def timeline_facts(density: Density, losses: Sequence[Loss], *, start_ns: int, e
         "width_ms": density.width_ns / 1e6,
         "messages": density.messages,
         "rows": density.rows,
-        "gaps": [loss_view(loss) for loss in folded(losses, within_ns=density.width_ns)],
+        "gaps": [loss_view(loss) for loss in merged_losses(losses, within_ns=density.width_ns)],
     }

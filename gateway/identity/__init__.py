@@ -1,1 +1,1 @@
-"""Who may do what: principals and their credentials, the permission table, robots' identities, the audit log."""
+"""Authentication and authorization: principals, credentials, permissions, robots' identities, the audit log."""

@@ -1,4 +1,4 @@
-"""What the API asks about accounts: each question is one transaction, and every change is known at the door at once."""
+"""Accounts for the API: each call is one transaction, and a change is known to the authenticator at once."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import TypeVar
 
 from gateway.domain.account import ApiKey, User
 from gateway.domain.errors import IdempotencyConflictError
-from gateway.domain.once import Once
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.domain.principal import Principal, Role
 from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError, SignInError
 from gateway.identity import keys, users
 from gateway.identity.keys import KeyRequest, NewKey
 from gateway.identity.master import MasterKey
-from gateway.identity.oidc import Person
-from gateway.identity.oidc_users import sign_in_person
+from gateway.identity.oidc.client import Person
+from gateway.identity.oidc.users import sign_in_person
 from gateway.identity.passwords import Passwords, check_password
 from gateway.identity.signin import (
     Link,
@@ -26,11 +26,13 @@ from gateway.identity.signin import (
     forget_failures,
     make_link,
 )
-from gateway.identity.store_door import REMEMBERED_S, StoreDoor
-from gateway.store import Store, accounts, api_keys
+from gateway.identity.store_authenticator import REMEMBERED_S, StoreAuthenticator
+from gateway.store import Store
+from gateway.store.accounts import api_keys
+from gateway.store.accounts import users as accounts
+from gateway.store.accounts.sessions import end_session
 from gateway.store.engine import StoreEngine
-from gateway.store.once import made_before, remember_made
-from gateway.store.sessions import end_session
+from gateway.store.fleet.idempotency import made_before, remember_made
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
@@ -45,7 +47,7 @@ class Accounts:
     def __init__(
         self,
         store: Store,
-        door: StoreDoor,
+        authenticator: StoreAuthenticator,
         master: MasterKey,
         *,
         clock: Clock,
@@ -53,7 +55,7 @@ class Accounts:
     ) -> None:
         self.passwords = passwords or Passwords()
         self._store = store
-        self._door = door
+        self._authenticator = authenticator
         self._master = master
         self._clock = clock
         self._secrets: dict[str, tuple[tuple[Principal, str], float]] = {}  # by the key's id, and until when
@@ -148,7 +150,7 @@ class Accounts:
         return await self._read(lambda engine: accounts.list_users(engine, limit=LIMITS.users))
 
     async def create_user(
-        self, name: str, *, role: Role, robots: tuple[str, ...], password: str, once: Once | None = None
+        self, name: str, *, role: Role, robots: tuple[str, ...], password: str, once: IdempotentRequest | None = None
     ) -> User:
         """Make a user, with a password or without; the same request under `once` is answered with who they are now."""
         hashed = await self._hashed(name, password) if password else ""
@@ -242,7 +244,7 @@ class Accounts:
     async def lambda_secret(self, key_id: str) -> tuple[Principal, str] | None:
         """Whose a key with the scope "lambda" is, and its secret, to check a signature with; None: there is none.
 
-        Remembered for a moment, as the door does with what it found good.
+        Cached for a short time, as the authenticator does with good credentials.
         """
         known, until_s = self._secrets.get(key_id, (None, 0.0))
         if known is not None and self._clock.monotonic_s() < until_s:
@@ -268,7 +270,7 @@ class Accounts:
         try:
             return await self._store.run(job)
         finally:
-            self._door.forget()
+            self._authenticator.forget()
             self._secrets.clear()
 
     async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:

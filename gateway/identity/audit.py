@@ -1,8 +1,8 @@
-"""The audit log of a running gateway: what is told it is in the database before whoever caused it has an answer.
+"""The audit log of a running gateway: a row is in the database before its cause is answered.
 
 What has come meanwhile is appended in one transaction, so many requests share one commit. While the database
 cannot be written, rows wait in memory up to a bound; then nothing that changes something is let in any more.
-Refusals are bounded by the hour: somebody who knocks all day must not fill the disk. Those left out are counted.
+Refusals are bounded by the hour: somebody who tries all day must not fill the disk. Those left out are counted.
 """
 
 from __future__ import annotations
@@ -14,11 +14,20 @@ from functools import partial
 from typing import Any
 
 from gateway.errors import GatewayError, StoreError, TooManyError
-from gateway.objects import ObjectStore
 from gateway.store import Store
-from gateway.store.audit import AuditEvent, AuditFault, AuditHead, AuditRow, append, read_head, read_page, walk
-from gateway.store.audit_heads import Seal, check_heads, export_head
-from gateway.store.audit_proof import MAX_FAULTS, STEP_ROWS, proof
+from gateway.store.accounts.audit import (
+    AuditEvent,
+    AuditFault,
+    AuditHead,
+    AuditRow,
+    append,
+    read_head,
+    read_page,
+    verify_rows,
+)
+from gateway.store.accounts.audit_heads import Seal, check_heads, export_head
+from gateway.store.accounts.audit_proof import MAX_FAULTS, STEP_ROWS, proof
+from gateway.store.objects import ObjectStore
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
@@ -158,7 +167,7 @@ class AuditLog:
         at, more = AuditHead(0, ""), True
         faults: list[AuditFault] = []
         while more:
-            at, found, more = await self._store.read(partial(walk, known=at, limit=STEP_ROWS))
+            at, found, more = await self._store.read(partial(verify_rows, known=at, limit=STEP_ROWS))
             faults += found[: MAX_FAULTS - len(faults)]
         try:
             heads = await self._store.read_slowly(

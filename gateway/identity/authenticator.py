@@ -1,4 +1,4 @@
-"""What the API asks of whoever keeps the credentials: whose key or session is this?"""
+"""The interface of authenticators: whose key or session is this?"""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import Protocol
 
 from gateway.domain.principal import Principal
 
-__all__ = ["ClosedDoor", "Door"]
+__all__ = ["Authenticator", "DenyAllAuthenticator"]
 
 
-class Door(Protocol):
+class Authenticator(Protocol):
     """Turns credentials into principals; never raises for a bad one, and takes as long for it as for a good one."""
 
     async def by_key(self, text: str) -> Principal | None:
@@ -19,8 +19,8 @@ class Door(Protocol):
         """The principal of a session cookie's value, with its `session_id` and `csrf`; None likewise."""
 
 
-class ClosedDoor:
-    """Knows no credential: of a gateway whose keys are kept nowhere."""
+class DenyAllAuthenticator:
+    """Accepts no credential: for a gateway without stored keys."""
 
     async def by_key(self, text: str) -> Principal | None:
         """Nobody's."""

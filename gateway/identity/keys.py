@@ -16,8 +16,8 @@ from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
 from gateway.identity.errors import UnknownKeyError
 from gateway.identity.master import MasterKey
 from gateway.identity.secret_text import new_id, new_secret, secret_hash
-from gateway.store import api_keys
-from gateway.store.accounts import find_user, get_user
+from gateway.store.accounts import api_keys
+from gateway.store.accounts.users import find_user, get_user
 from gateway.store.engine import StoreEngine
 from metaros.limits import LIMITS
 

@@ -1,4 +1,4 @@
-"""The key of whoever can read the data directory: made at every start, gone with the process.
+"""The local admin key, for whoever can read the data directory: made at every start, gone with the process.
 
 Such a user could as well change the database. So there is a key, in a file that only this user reads, with which the
 command line, `metaros up` and the first administrator begin; nothing of it stays behind when the gateway ends.
@@ -14,16 +14,16 @@ import secrets
 from pathlib import Path
 
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
-from gateway.identity.door import Door
+from gateway.identity.authenticator import Authenticator
 
-__all__ = ["LOCAL_KEY_FILE", "Doors", "LocalKey"]
+__all__ = ["LOCAL_KEY_FILE", "AuthenticatorChain", "LocalKey"]
 
 LOCAL_KEY_FILE = "local.key"
 _PREFIX = "mrk_local_"
 
 
 class LocalKey:
-    """A door that knows one key, of role admin."""
+    """An authenticator of one key, of role admin."""
 
     def __init__(self, data_dir: Path) -> None:
         self._path = data_dir / LOCAL_KEY_FILE
@@ -57,23 +57,23 @@ class LocalKey:
         return None
 
 
-class Doors:
-    """Several doors as one: the first that knows a credential answers."""
+class AuthenticatorChain:
+    """Several authenticators as one: the first that knows a credential answers."""
 
-    def __init__(self, *doors: Door) -> None:
-        self._doors = doors
+    def __init__(self, *authenticators: Authenticator) -> None:
+        self._authenticators = authenticators
 
     async def by_key(self, text: str) -> Principal | None:
         """The principal of an API key."""
-        for door in self._doors:
-            if (found := await door.by_key(text)) is not None:
+        for authenticator in self._authenticators:
+            if (found := await authenticator.by_key(text)) is not None:
                 return found
         return None
 
     async def by_session(self, token: str) -> Principal | None:
         """The principal of a session."""
-        for door in self._doors:
-            if (found := await door.by_session(token)) is not None:
+        for authenticator in self._authenticators:
+            if (found := await authenticator.by_session(token)) is not None:
                 return found
         return None
 

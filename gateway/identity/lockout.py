@@ -1,4 +1,4 @@
-"""How long somebody who guesses passwords has to wait: arithmetic only, by name and address.
+"""Account lockout: the wait after failed sign-ins, by name and address. Pure.
 
 Every attempt counts as a failure before its password is looked at, and success forgets them all. So a hundred
 attempts at the same moment are no better than one after the other.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gateway.errors import TooManyRequestsError
-from gateway.store.sessions import Failures
+from gateway.store.accounts.sessions import Failures
 
 __all__ = ["LOCKOUT", "LockOut", "address_group"]
 

@@ -1,4 +1,4 @@
-"""Robots' identities as one part of the gateway: the authority, enrolment, the gate of links, the servers' own pair."""
+"""Robots' identities as one feature: the authority, enrolment, admission of links, the servers' certificate."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.errors import AuthorityError, StoreError
-from gateway.identity.authorities import Authorities
-from gateway.identity.ca import ServerPair, issue_server
-from gateway.identity.enrol import EnrolDesk
+from gateway.identity.certificates.authorities import Authorities
+from gateway.identity.certificates.ca import ServerPair, issue_server
+from gateway.identity.certificates.enrol import EnrolManager
 from gateway.identity.robots import RobotIdentities
 from gateway.store import Store
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
-__all__ = ["IdentityChoices", "IdentityDesk"]
+__all__ = ["IdentityChoices", "IdentityManager"]
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class IdentityChoices:
     master_key: Path | None = None  # None: the data directory's
 
 
-class IdentityDesk:
+class IdentityManager:
     """Owns the parts; `enrol` makes certificates, `robots` is the gate."""
 
     def __init__(self, store: Store, data_dir: Path, choices: IdentityChoices, *, clock: Clock) -> None:
@@ -55,7 +55,7 @@ class IdentityDesk:
             ca_key=choices.ca_key,
             master_key=choices.master_key,
         )
-        self.enrol = EnrolDesk(store, self.authorities, clock=clock, life_s=choices.certificate_s)
+        self.enrol = EnrolManager(store, self.authorities, clock=clock, life_s=choices.certificate_s)
         self.robots = RobotIdentities(store, self.authorities, clock=clock, required=choices.required)
         self._names: tuple[str, ...] = ()
         self._pair: ServerPair | None = None
@@ -94,18 +94,18 @@ class IdentityDesk:
 
     async def _follow_authorities(self) -> None:
         """Another issuer: the servers' pair is its work from then on. A trouble is told once, until it is over."""
-        told = ""
+        last_error = ""
         while True:
             await asyncio.sleep(FOLLOW_S)
             try:
                 await self.authorities.follow()
                 if self._pair is not None and self._pair_by != self.authorities.current_id:
                     await self.serve_as(self._names)
-                told = ""
+                last_error = ""
             except (ConfigError, StoreError) as error:
-                if str(error) != told:
+                if str(error) != last_error:
                     log.warning("the fleet's authorities cannot be followed now: %s", error)
-                told = str(error)
+                last_error = str(error)
 
     async def _follow_pair(self) -> None:
         while True:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.errors import DamagedError
-from gateway.private_dir import others_can_read
+from gateway.store.private_dir import others_can_read
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Whether a gateway has the master key by which its store's secrets are sealed.
+"""Checks that a gateway has the master key by which its store's secrets are sealed.
 
 The store keeps a check value, which the first gateway's key makes and which says nothing of the key. A gateway of a
 cluster that has another key does not start: it could open nothing of what the others seal, and none of them would be
@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import logging
 
-from gateway.domain.rule import SECRET
+from gateway.domain.automation.rule import SECRET
 from gateway.errors import DamagedError
-from gateway.identity.authorities import PURPOSE as CA
+from gateway.identity.certificates.authorities import PURPOSE as CA
 from gateway.identity.keys import PURPOSE as API_KEY
 from gateway.identity.master import MasterKey
 from gateway.store import Store

@@ -1,4 +1,4 @@
-"""Passwords: argon2id on two threads of their own, and no more waiting for them than is bearable.
+"""Password hashing: argon2id on two threads of their own, with a bounded queue.
 
 One check takes about 0.1 s and 64 MiB. Two at a time bound the memory; a bounded queue before them bounds the wait.
 """

@@ -1,4 +1,4 @@
-"""The one table of permissions: every route, RPC and socket names a row of it, and nothing else decides.
+"""The table of permissions: every route, RPC and socket names a row of it, and nothing else decides.
 
 A row says the least role, whether it is about one robot (which then has to be in the principal's scope), whether it
 changes something (then a browser's session needs its CSRF token, and the audit log keeps it), and who may ask at all:
@@ -82,8 +82,8 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("alerts.manage", _A, "the checks' table, silences of the whole fleet, test notices", mutates=True),
     Permission("rules.read", _V, "rules, schedules, hooks, and what they did"),
     Permission("rules.write", _A, "make, change and delete rules and hooks", mutates=True),
-    Permission("happenings.read", _V, "happenings that rules are about"),
-    Permission("happenings.put", _O, "put happenings", mutates=True),
+    Permission("happenings.read", _V, "events that rules are about"),
+    Permission("happenings.put", _O, "put events", mutates=True),
     Permission("hooks.post", _N, "a webhook, which proves by itself who sent it", who="anyone"),
     Permission("functions.read", _V, "functions, their versions, aliases, layers, logs and calls"),
     Permission("functions.invoke", _O, "call functions", mutates=True),

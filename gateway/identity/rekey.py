@@ -12,9 +12,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from gateway.identity.certificates.root_key import sync_folder
 from gateway.identity.master import MasterKey, make_key_file, next_file, read_key_file
-from gateway.identity.root_key import sync_folder
-from gateway.identity.shared_key import SEALED, note_key, opened
+from gateway.identity.master_key_check import SEALED, note_key, opened
 from gateway.store.engine import StoreEngine
 from metaros.errors import ConfigError
 

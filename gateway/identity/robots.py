@@ -1,4 +1,4 @@
-"""Who may open a link: robots' identities as this gateway knows them, looked up at each Hello and again every second.
+"""Admission of robots' links: identities are checked at each Hello and again every second.
 
 The table in the database is the truth, and all of it that links need is kept in memory. So a revocation at any gateway
 on the database reaches each within `POLL_S`, and links live on while the database is away: for so long as one that
@@ -17,12 +17,12 @@ from cryptography import x509
 
 from gateway.domain.identity import Admitted, IdentityState, Peer, RobotIdentity
 from gateway.errors import IdentityError, StoreError, UnknownRobotError, UnprovenError
-from gateway.identity.authorities import Authorities
-from gateway.identity.ca import SKEW
-from gateway.identity.certificates import RobotCertificate, load_certificate, read_robot
+from gateway.identity.certificates.authorities import Authorities
+from gateway.identity.certificates.ca import SKEW
+from gateway.identity.certificates.parsing import RobotCertificate, load_certificate, read_robot
 from gateway.store import Store
+from gateway.store.accounts.identities import changed_identities, list_identities, raise_alarm, revoke_identity
 from gateway.store.engine import StoreEngine
-from gateway.store.identities import changed_identities, list_identities, raise_alarm, revoke_identity
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -45,7 +45,7 @@ Ask = Callable[[link_pb2.Challenge], Awaitable[bytes]]
 
 
 class RobotIdentities:
-    """The gate of the link, and the list for people."""
+    """Admits links, and lists identities for people."""
 
     def __init__(self, store: Store, authorities: Authorities, *, clock: Clock, required: bool) -> None:
         """`required`: no robot gets in without an identity, whether its name is known or not."""
@@ -76,7 +76,7 @@ class RobotIdentities:
         return bool(changed)
 
     async def run(self, recheck: Callable[[], None]) -> None:
-        """Look every `POLL_S` and let `recheck` ask `still` about every open link; until cancelled."""
+        """Look every `POLL_S` and let `recheck` check every open link; until cancelled."""
         while True:
             await asyncio.sleep(POLL_S)
             try:
@@ -101,7 +101,7 @@ class RobotIdentities:
                 error.code, str(error), retry_after_ms=RETRY_MS.get(error.code, RETRY_ELSE_MS)
             ) from error
 
-    def still(self, admitted: Admitted) -> None:
+    def recheck(self, admitted: Admitted) -> None:
         """Whether who was admitted may stay; UnprovenError when the identity ended, or began, meanwhile."""
         try:
             self._check(admitted)

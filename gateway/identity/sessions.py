@@ -11,23 +11,23 @@ from gateway.domain.account import Session, User
 from gateway.domain.principal import Principal
 from gateway.identity.lockout import LOCKOUT, address_group
 from gateway.identity.secret_text import new_secret, secret_hash
+from gateway.store.accounts.sessions import add_session, sweep_sign_ins
 from gateway.store.engine import StoreEngine
-from gateway.store.sessions import add_session, sweep_sign_ins
 from metaros.limits import LIMITS
 
-__all__ = ["Opened", "csrf_of", "live", "open_session", "session_principal", "sweep"]
+__all__ = ["NewSession", "csrf_of", "live", "open_session", "session_principal", "sweep"]
 
 SECOND_NS = 10**9
 
 
-class Opened(NamedTuple):
+class NewSession(NamedTuple):
     """A new session: what goes into the cookie, and what the page sends with every mutation."""
 
     token: str
     csrf: str
 
 
-def open_session(engine: StoreEngine, user: User, *, now_ns: int, address: str = "") -> Opened:
+def open_session(engine: StoreEngine, user: User, *, now_ns: int, address: str = "") -> NewSession:
     """Sign a user in; the oldest of too many sessions ends."""
     token = new_secret()
     session = Session(
@@ -39,7 +39,7 @@ def open_session(engine: StoreEngine, user: User, *, now_ns: int, address: str =
         address=address_group(address),
     )
     add_session(engine, session, keep=LIMITS.sessions_per_user)
-    return Opened(token, csrf_of(token))
+    return NewSession(token, csrf_of(token))
 
 
 def csrf_of(token: str) -> str:
@@ -48,7 +48,7 @@ def csrf_of(token: str) -> str:
 
 
 def live(session: Session, user: User, *, now_ns: int) -> bool:
-    """Whether the session still opens the door."""
+    """Whether the session is still valid."""
     idle_ns = round(LIMITS.session_idle_s * SECOND_NS)
     return not user.disabled and now_ns < session.expires_ns and now_ns < session.seen_ns + idle_ns
 

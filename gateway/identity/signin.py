@@ -8,11 +8,11 @@ from gateway.domain.account import User
 from gateway.errors import CredentialsError
 from gateway.identity.lockout import LOCKOUT, LockOut, address_group
 from gateway.identity.secret_text import new_secret, secret_hash
-from gateway.identity.sessions import Opened, open_session, sweep
+from gateway.identity.sessions import NewSession, open_session, sweep
 from gateway.identity.users import is_user_name
-from gateway.store import accounts
+from gateway.store.accounts import users
+from gateway.store.accounts.sessions import add_link, clear_failures, read_failures, take_link, write_failures
 from gateway.store.engine import StoreEngine
-from gateway.store.sessions import add_link, clear_failures, read_failures, take_link, write_failures
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -33,7 +33,7 @@ class SignedIn(NamedTuple):
     """Who signed in, and the session."""
 
     user: User
-    session: Opened
+    session: NewSession
 
 
 class Link(NamedTuple):
@@ -54,7 +54,7 @@ def begin_password(
     sweep(engine, now_ns=now_ns)  # here, so that a flood of wrong names fills no disk
     who, where = secret_hash(name), address_group(address)
     write_failures(engine, who, where, lockout.attempt(read_failures(engine, who, where), now_ns=now_ns))
-    return accounts.find_user(engine, name) if is_user_name(name) else None
+    return users.find_user(engine, name) if is_user_name(name) else None
 
 
 def end_password(
@@ -68,13 +68,13 @@ def end_password(
     now = check_unchanged(engine, user)
     forget_failures(engine, name, address=address)
     if new_hash:
-        accounts.change_user(engine, user.id, password=new_hash)
+        users.change_user(engine, user.id, password=new_hash)
     return _signed_in(engine, now, now_ns=now_ns, address=address)
 
 
 def check_unchanged(engine: StoreEngine, user: User) -> User:
     """The user as stored now; CredentialsError when disabled, removed, or given another password meanwhile."""
-    now = accounts.find_user(engine, user.name)
+    now = users.find_user(engine, user.name)
     if now is None or now.id != user.id or now.disabled or now.password != user.password:
         raise CredentialsError("the name or the password is wrong")
     return now
@@ -106,5 +106,5 @@ def follow_link(engine: StoreEngine, token: str, *, now_ns: int, address: str) -
 
 
 def _signed_in(engine: StoreEngine, user: User, *, now_ns: int, address: str) -> SignedIn:
-    accounts.change_user(engine, user.id, signed_in_ns=now_ns)
+    users.change_user(engine, user.id, signed_in_ns=now_ns)
     return SignedIn(user, open_session(engine, user, now_ns=now_ns, address=address))

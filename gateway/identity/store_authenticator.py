@@ -1,4 +1,4 @@
-"""The door: keys and sessions of the database as principals, remembered for a moment.
+"""Authenticates keys and sessions of the database, with a short-lived cache.
 
 A principal that was found good is not looked up again for `REMEMBERED_S`; so what is revoked through another gateway,
 or beside this one on its data directory, ends within that time, and through this gateway at once.
@@ -16,13 +16,13 @@ from gateway.identity import sessions
 from gateway.identity.keys import key_principal, parse_key
 from gateway.identity.secret_text import same_secret, secret_hash
 from gateway.store import Store
-from gateway.store.api_keys import key_and_owner, touch_key
+from gateway.store.accounts.api_keys import key_and_owner, touch_key
+from gateway.store.accounts.sessions import find_session, touch_session
 from gateway.store.engine import StoreEngine
-from gateway.store.sessions import find_session, touch_session
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["REMEMBERED_S", "StoreDoor"]
+__all__ = ["REMEMBERED_S", "StoreAuthenticator"]
 
 Result = TypeVar("Result")
 REMEMBERED_S = 2.0
@@ -30,8 +30,8 @@ USED_S = 300.0  # how exactly it is kept when a key or session was used last
 SECOND_NS = 10**9
 
 
-class StoreDoor:
-    """A `Door` on the store. Remembers hashes of credentials only, and no bad ones."""
+class StoreAuthenticator:
+    """An `Authenticator` on the store. Remembers hashes of credentials only, and no bad ones."""
 
     def __init__(self, store: Store, *, clock: Clock) -> None:
         self._store = store

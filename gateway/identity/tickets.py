@@ -1,4 +1,4 @@
-"""Tickets: bearers for an hour or so that somebody makes of their own rights, for a viewer's URL.
+"""Tickets: bearer tokens for about an hour with at most their maker's rights, for a viewer's URL.
 
 A ticket reads `mrt_PAYLOAD.MAC`: whose it is, the role and robots it has at most, and when it ends, under an HMAC whose
 key lies in the store's `meta`, so that it is good at every gateway of the store and nothing of it is stored. It opens
@@ -24,10 +24,10 @@ from gateway.identity.errors import UnknownUserError
 from gateway.identity.keys import LOCAL_ID, covers, key_principal
 from gateway.identity.users import checked_robots
 from gateway.store import Store
-from gateway.store.accounts import get_user
-from gateway.store.api_keys import key_and_owner
+from gateway.store.accounts.api_keys import key_and_owner
+from gateway.store.accounts.users import get_user
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import fetch_secret
+from gateway.store.fleet.updates import fetch_secret
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
@@ -64,7 +64,7 @@ class _Claims:
 
 
 class Tickets:
-    """Makes tickets, and is the door that knows them; `load` before either."""
+    """Makes tickets, and authenticates them; `load` before either."""
 
     def __init__(self, store: Store, *, clock: Clock) -> None:
         self._store = store

@@ -15,9 +15,9 @@ from gateway.errors import InvalidRequestError, TooManyError
 from gateway.identity.errors import LastAdminError, UnknownUserError, UserExistsError
 from gateway.identity.keys import check_reach, drop_uncovered_keys
 from gateway.identity.secret_text import new_id
-from gateway.store import accounts
+from gateway.store.accounts import users as accounts
+from gateway.store.accounts.sessions import end_sessions
 from gateway.store.engine import StoreEngine
-from gateway.store.sessions import end_sessions
 from metaros.limits import LIMITS
 
 __all__ = [

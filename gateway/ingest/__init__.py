@@ -1,1 +1,1 @@
-"""The robots' side of the gateway: links, sessions, and what is known about every robot."""
+"""Robots' links: sessions, and what is known about every robot."""

@@ -1,4 +1,4 @@
-"""What a session tells its shell: frames to send, and things that happened."""
+"""Events that a session returns: frames to send, and what was received."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = [
     "RecordingArrived",
     "Reported",
     "Resulted",
-    "RosTold",
+    "RosReceived",
     "RowsArrived",
     "Send",
     "WriterKnown",
@@ -113,13 +113,13 @@ class TwinReported:
 
 @dataclass(frozen=True, slots=True)
 class LeasesAnswered:
-    """The robot told a moment of its clock, from which leases may count."""
+    """The robot sent a moment of its clock, from which leases may count."""
 
     boot_ns: int
 
 
 @dataclass(frozen=True, slots=True)
-class RosTold:
+class RosReceived:
     """A frame about the robot's ROS graph: the graph itself, goals of actions, what is offered in it."""
 
     frame: link_pb2.AgentFrame
@@ -166,7 +166,7 @@ Event = (
     | RecordingArrived
     | Reported
     | Resulted
-    | RosTold
+    | RosReceived
     | TwinReported
     | LeasesAnswered
     | OverQuota

@@ -1,24 +1,24 @@
-"""Frames of which a session checks the form alone: what they mean is the business of other features."""
+"""Checks the form of frames that other features interpret: recordings, twins, leases, the ROS graph."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from gateway.domain.recording import is_recording_id
+from gateway.domain.fleet.recording import is_recording_id
 from gateway.errors import ProtocolError
-from gateway.ingest.events import LeasesAnswered, RecordingArrived, RosTold, TwinReported
-from gateway.ingest.hello import LANES
+from gateway.ingest.events import LeasesAnswered, RecordingArrived, RosReceived, TwinReported
+from gateway.ingest.handshake import LANES
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["ROS_FRAMES", "read_moment", "read_part", "read_ros", "read_twin"]
+__all__ = ["ROS_FRAMES", "read_leases", "read_recording", "read_ros", "read_twin"]
 
 CONTROL, _, BACKFILL = LANES
 ROS_FRAMES: Final = ("graph", "goals", "offer_states", "asked")
 TWIN_STATES: Final = frozenset({"applied", "applying", "confirming", "reverted", "refused"})
 
 
-def read_part(lane: int, part: link_pb2.RecordingPart, *, limits: Limits) -> RecordingArrived:
+def read_recording(lane: int, part: link_pb2.RecordingPart, *, limits: Limits) -> RecordingArrived:
     """A piece of a recording, or the offer of one. Raises ProtocolError."""
     if lane != BACKFILL:
         raise ProtocolError("recordings travel on the back-fill lane")
@@ -38,20 +38,20 @@ def read_twin(lane: int, report: link_pb2.TwinReport, *, limits: Limits) -> Twin
     return TwinReported(report)
 
 
-def read_moment(lane: int, taken: link_pb2.LeasesTaken) -> LeasesAnswered:
+def read_leases(lane: int, taken: link_pb2.LeasesTaken) -> LeasesAnswered:
     """A moment of the robot's clock. Raises ProtocolError."""
     if lane != CONTROL or taken.boot_ns <= 0:
         raise ProtocolError("an answer to leases has a bad lane or time")
     return LeasesAnswered(taken.boot_ns)
 
 
-def read_ros(lane: int, frame: link_pb2.AgentFrame) -> RosTold:
+def read_ros(lane: int, frame: link_pb2.AgentFrame) -> RosReceived:
     """Something of the robot's ROS graph. Raises ProtocolError."""
     if lane != CONTROL:
-        raise ProtocolError("what is told of the ROS graph travels on the control lane")
-    told = len(frame.goals.events) + len(frame.goals.goal_ids)
-    if told > 2 * LIMITS.goals_kept or len(frame.offer_states.states) > 2 * LIMITS.offers:
+        raise ProtocolError("what is reported of the ROS graph travels on the control lane")
+    count = len(frame.goals.events) + len(frame.goals.goal_ids)
+    if count > 2 * LIMITS.goals_kept or len(frame.offer_states.states) > 2 * LIMITS.offers:
         raise ProtocolError("a frame tells of more goals or offers than there can be")
     if any(len(event.goal_id) != 16 for event in frame.goals.events):
         raise ProtocolError("a goal has an id of 16 bytes")
-    return RosTold(frame)
+    return RosReceived(frame)

@@ -1,4 +1,4 @@
-"""The rules of a Hello and of an Announce: every text and count checked before it is believed."""
+"""Validates the Hello and the Announce of a link: every text and count is checked before it is used."""
 
 from __future__ import annotations
 

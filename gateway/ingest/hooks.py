@@ -1,4 +1,4 @@
-"""Whom the links tell of what robots say; `app.py` connects them to the other features."""
+"""Callbacks by which links pass robots' frames on; `wiring/gateway.py` connects them to the other features."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["LinkHooks"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkHooks:
-    """Whom to tell; `app.py` connects them to the other features."""
+    """Called on the event loop, one callback a kind of frame."""
 
     on_samples: Callable[[Run], None]
     on_values: Callable[[str, dict[str, tuple[int, float]]], None]

@@ -1,4 +1,4 @@
-"""A robot's link as `Links` keeps it, and one of its lanes as the shell around it holds it."""
+"""A robot's link as `Links` keeps it, and one of its lanes as `serve_lane` holds it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class LiveLink:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """One open connection of a session, as its shell holds it."""
+    """One open connection of a session, as `serve_lane` holds it."""
 
     robot_id: str
     number: int

@@ -16,7 +16,7 @@ __all__ = ["LaneGoneError", "serve_lane"]
 log = logging.getLogger(__name__)
 
 HELLO_S = 10.0
-LAST_WORDS_S = 1.0  # how long a closed lane may take to write its Goodbye
+GOODBYE_S = 1.0  # how long a closed lane may take to write its Goodbye
 
 Read = Callable[[], Awaitable[link_pb2.AgentFrame | None]]
 Write = Callable[[link_pb2.GatewayFrame], Awaitable[None]]
@@ -32,7 +32,7 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
     False when the agent took not even the last words: the connection has to be cut.
     """
     try:
-        with links.knocks.waiting(peer):
+        with links.lane_limits.opening(peer):
             async with asyncio.timeout(HELLO_S):
                 first = await read()
                 if first is None:
@@ -40,8 +40,10 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
                 if first.WhichOneof("frame") != "hello":
                     raise ProtocolError("the first frame of a lane is its Hello")
                 links.check(first.hello)
-                admitted = await links.gate.admit(first.hello, peer, lambda challenge: _ask(challenge, read, write))
-            links.knocks.admitted(admitted.robot)
+                admitted = await links.authenticator.admit(
+                    first.hello, peer, lambda challenge: _ask(challenge, read, write)
+                )
+            links.lane_limits.admitted(admitted.robot)
             lane = await links.join(first.hello, admitted)
     except LaneGoneError as error:  # whoever comes and goes fills no log
         log.debug("a lane ended before it was open: %s", error)
@@ -64,7 +66,7 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
         links.ended(lane)
         lane.outbox.close()
         reader.cancel()
-        said, _ = await asyncio.wait({writer}, timeout=LAST_WORDS_S)
+        said, _ = await asyncio.wait({writer}, timeout=GOODBYE_S)
         writer.cancel()
         await asyncio.gather(reader, writer, over, return_exceptions=True)
     return bool(said)
@@ -100,7 +102,7 @@ async def _write(lane: Lane, write: Write) -> None:
 
 async def _in_time(writing: Awaitable[None]) -> bool:
     try:
-        async with asyncio.timeout(LAST_WORDS_S):
+        async with asyncio.timeout(GOODBYE_S):
             await writing
     except (TimeoutError, LinkError):
         return False

@@ -13,7 +13,7 @@ from google.protobuf.message import DecodeError
 
 from gateway.domain.identity import Peer
 from gateway.domain.networks import is_loopback_address, read_address
-from gateway.ingest.lane_shell import LaneGoneError, serve_lane
+from gateway.ingest.lane_server import LaneGoneError, serve_lane
 from gateway.ingest.links import Links
 from metaros._proto import link_pb2, link_pb2_grpc
 

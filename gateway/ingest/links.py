@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from gateway.domain.identity import Admitted
 from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnprovenError, UnsettledError
-from gateway.ingest.attention import Attention
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -25,21 +24,22 @@ from gateway.ingest.events import (
     RecordingArrived,
     Reported,
     Resulted,
-    RosTold,
+    RosReceived,
     RowsArrived,
     Send,
     TwinReported,
     WriterKnown,
 )
-from gateway.ingest.gate import Gate, OpenGate
-from gateway.ingest.hello import LANES, check_hello
+from gateway.ingest.handshake import LANES, check_hello
 from gateway.ingest.hooks import LinkHooks
-from gateway.ingest.knocks import Knocks
 from gateway.ingest.lane import Lane, LiveLink
+from gateway.ingest.lane_limits import LaneLimits
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
 from gateway.ingest.registry import Registry, RobotRecord
+from gateway.ingest.robot_authenticator import NoAuthentication, RobotAuthenticator
 from gateway.ingest.session import Session
+from gateway.ingest.stall_detector import StallDetector
 from gateway.ingest.streams import StreamTable
 from gateway.store import Committed, RobotWrite, Store, StreamWrite, WriterWrite
 from metaros._proto import link_pb2
@@ -69,27 +69,27 @@ class Links:
         *,
         clock: Clock,
         quota: Quota | None = None,
-        gate: Gate | None = None,
+        authenticator: RobotAuthenticator | None = None,
         limits: Limits = LIMITS,
     ) -> None:
-        """`quota` is each robot's; None lets them send what they like. `gate` knows who they are; None believes it."""
-        self.gate: Gate = gate or OpenGate()
+        """`quota` is each robot's; None: no limit. `authenticator` checks who they are; None believes their ids."""
+        self.authenticator: RobotAuthenticator = authenticator or NoAuthentication()
         self._quota = quota or Quota()
         self._registry = registry
         self._store = store
         self._hooks = hooks
         self._clock = clock
         self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
-        self.knocks = Knocks(clock=clock, limits=limits)
+        self.lane_limits = LaneLimits(clock=clock, limits=limits)
         self._live: dict[str, LiveLink] = {}
-        self._attention = Attention()
+        self._stall_detector = StallDetector()
 
     def check(self, hello: link_pb2.Hello) -> None:
         """Before anybody believes a Hello: its form. ProtocolError when that is wrong."""
         check_hello(hello, limits=self._limits)
 
     async def join(self, hello: link_pb2.Hello, admitted: Admitted) -> Lane:
-        """Open a lane for a Hello that the gate admitted; a LinkError says why it may not."""
+        """Open a lane for a Hello of an authenticated robot; a LinkError says why it may not."""
         robot = check_hello(hello, limits=self._limits)
         record = self._registry.find(robot.id)
         if record is None:
@@ -99,7 +99,7 @@ class Links:
             if streams.forked(hello):
                 record.forks += 1
                 raise ForkedError(f"another copy of the outbox of {robot.id} has spoken under its epoch")
-            self.gate.still(admitted)  # it may have been revoked while the store was asked
+            self.authenticator.recheck(admitted)  # it may have been revoked while the store was asked
             live = self._admit(hello, record, streams)
             live.admitted.add(admitted)
             outbox = LaneOutbox(max_bytes=OUTBOX_BYTES)
@@ -132,10 +132,10 @@ class Links:
         live = self._live.get(robot_id)
         return live.session.session_id if live is not None and live.session.online else b""
 
-    def begun_elsewhere(self, robot_id: str, session_id: bytes) -> None:
+    def started_remotely(self, robot_id: str, session_id: bytes) -> None:
         """A session of that process began at another gateway. Should the one before it come back, there are two."""
         if (record := self._registry.find(robot_id)) is not None:
-            record.begun_elsewhere(session_id)
+            record.started_remotely(session_id)
 
     def fence(self, robot_id: str, session_number: int) -> None:
         """A session of that number lives at another gateway: one here that is not newer ends."""
@@ -193,7 +193,7 @@ class Links:
     def tick(self) -> None:
         """Heartbeats and dead links; call several times a second."""
         now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
-        since_s = self._attention.look(now_s)
+        since_s = self._stall_detector.tick(now_s)
         for live in list(self._live.values()):
             self._apply(live, live.session.tick(now_s=now_s, wall_ns=wall_ns, since_s=since_s))
             if not live.closed and now_s - live.seen_s >= SEEN_EVERY_S:
@@ -205,7 +205,7 @@ class Links:
         for live in list(self._live.values()):
             try:
                 for admitted in live.admitted:
-                    self.gate.still(admitted)
+                    self.authenticator.recheck(admitted)
             except UnprovenError as error:
                 ending = live.session.close(error.code, str(error), retry_after_ms=error.retry_after_ms)
                 self._apply(live, ending)
@@ -245,14 +245,14 @@ class Links:
             if hello.session_number == live.session.number and hello.session_id == live.session.session_id:
                 return live
             if hello.session_number <= live.session.number:
-                if record.fenced(hello.session_id, heard_s=live.session.heard_s, now_s=self._clock.monotonic_s()):
-                    self.gate.cloned(hello.robot_id)
+                if record.fenced(hello.session_id, received_s=live.session.received_s, now_s=self._clock.monotonic_s()):
+                    self.authenticator.cloned(hello.robot_id)
                 raise FencedError(f"session {live.session.number} of {hello.robot_id} is alive and newer")
             fenced = live.session.close("fenced", "a newer session took over", retry_after_ms=FENCED_RETRY_MS)
             self._apply(live, fenced)
-        elif record.home and hello.session_number <= record.home_session:  # of no rival's making: it may be late
+        elif record.owner_gateway and hello.session_number <= record.owner_session:  # no rival: it may be late
             raise FencedError(
-                f"session {record.home_session} of {hello.robot_id} is alive at another gateway and newer"
+                f"session {record.owner_session} of {hello.robot_id} is alive at another gateway and newer"
             )
         record.meter = record.meter or Meter(self._quota, limits=self._limits)
         session = Session(
@@ -265,7 +265,7 @@ class Links:
             fetch_token=self._hooks.fetch_token(hello.robot_id),
         )
         if record.begin(session.robot, session_id=session.session_id, session_number=session.number):
-            self.gate.cloned(hello.robot_id)
+            self.authenticator.cloned(hello.robot_id)
         live = self._live[hello.robot_id] = LiveLink(session, record, seen_s=self._clock.monotonic_s())
         self._store.submit(RobotWrite(session.robot, self._clock.wall_ns()))
         return live
@@ -312,7 +312,7 @@ class Links:
             self._hooks.on_result(robot_id, event.result)
         elif isinstance(event, TwinReported):
             self._hooks.on_twin(robot_id, event.report)
-        elif isinstance(event, RosTold):
+        elif isinstance(event, RosReceived):
             self._hooks.on_ros(robot_id, event.frame)
         elif isinstance(event, LeasesAnswered):
             self._hooks.on_leases(robot_id, event.boot_ns)

@@ -93,8 +93,9 @@ class Counts:
 class RobotRecord:
     """Everything known about one robot. `revision` grows with every visible change.
 
-    A robot is linked `here`, to this very gateway, or to another one of the same store, its `home`; `online` is either.
-    What is known of a robot that is linked elsewhere is what its home tells.
+    A robot is linked `here`, to this very gateway, or to another one of the same store, its `owner_gateway`; `online`
+    is either.
+    What is known of a robot that is linked elsewhere is what its owner reports.
     """
 
     def __init__(self, robot: Robot, *, seen_ns: int, streams: StreamTable | None = None) -> None:
@@ -102,11 +103,13 @@ class RobotRecord:
         self.streams = streams
         self.online = False
         self.here = False
-        self.home = ""  # the gateway where it is linked; "": here, or nowhere
-        self.home_session = 0  # the number of its session there
+        self.owner_gateway = ""  # the gateway where it is linked; "": here, or nowhere
+        self.owner_session = 0  # the number of its session there
         self.generation = 0  # grows with each process whose channels it has
-        self.told: Counts | None = None  # what its home counted, as the newest that is known of it came from there
-        self.told_epochs = 0
+        self.owner_counts: Counts | None = (
+            None  # what its owner counted, where the newest that is known came from there
+        )
+        self.owner_epochs = 0
         self.since_ns = seen_ns
         self.last_seen_ns = seen_ns
         self.session_number = 0
@@ -132,14 +135,14 @@ class RobotRecord:
     @property
     def epochs(self) -> int:
         """How many outboxes, or lives of one, the robot has had."""
-        if self.told is not None:
-            return self.told_epochs
+        if self.owner_counts is not None:
+            return self.owner_epochs
         return 0 if self.streams is None else self.streams.epochs
 
     @property
     def shown_counts(self) -> Counts:
         """What arrived from it at the gateway where it is, or was last; `counts` is what arrived at this one."""
-        return self.told or self.counts
+        return self.owner_counts or self.counts
 
     def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> bool:
         """A new session; a new agent process also starts its channels afresh, keeping the topics' counts.
@@ -159,7 +162,7 @@ class RobotRecord:
             self.on_other()
         return back
 
-    def begun_elsewhere(self, session_id: bytes) -> None:
+    def started_remotely(self, session_id: bytes) -> None:
         """A session began at another gateway: if that is another process, the one that was here is followed by it."""
         if session_id != self._process and self._process not in self._displaced:
             self._displaced.append(self._process)
@@ -171,14 +174,14 @@ class RobotRecord:
         self.channels, self._newest = {}, {}
         self.statistics = link_pb2.TopicStatistics()
 
-    def fenced(self, session_id: bytes, *, heard_s: float, now_s: float) -> bool:
+    def fenced(self, session_id: bytes, *, received_s: float, now_s: float) -> bool:
         """A process was turned away, as a newer session lives.
 
-        True when it keeps coming, and the other was heard each time since (`heard_s`): then there are two of them. One
+        True when it keeps coming, and frames of the other came each time since (`received_s`): then there are two. One
         that is back after its clock was set back, before its own former session is held for dead, is alone.
         """
         tries, last_s = self._rivals.pop(session_id, (0, -math.inf))
-        tries = tries + 1 if heard_s > last_s else 1
+        tries = tries + 1 if received_s > last_s else 1
         self._rivals[session_id] = tries, now_s
         if len(self._rivals) > REMEMBERED_PROCESSES:
             del self._rivals[next(iter(self._rivals))]
@@ -188,16 +191,16 @@ class RobotRecord:
         """The link to this gateway came or went. One that came is the only one."""
         self.here = online
         if online:
-            self.home, self.home_session, self.told = "", 0, None
+            self.owner_gateway, self.owner_session, self.owner_counts = "", 0, None
         self._moved(wall_ns)
 
-    def set_home(self, gateway: str, session_number: int, *, wall_ns: int) -> None:
+    def set_owner(self, gateway: str, session_number: int, *, wall_ns: int) -> None:
         """It is linked to another gateway, or with "" to that one no more."""
-        self.home, self.home_session = gateway, session_number
+        self.owner_gateway, self.owner_session = gateway, session_number
         self._moved(wall_ns)
 
     def _moved(self, wall_ns: int) -> None:
-        online = self.here or bool(self.home)
+        online = self.here or bool(self.owner_gateway)
         if online != self.online:
             self.online = online
             self.since_ns = wall_ns

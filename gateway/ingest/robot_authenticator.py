@@ -1,4 +1,4 @@
-"""What the link asks of whoever knows robots' identities: may this one in, may it stay?"""
+"""What the link needs of whatever authenticates robots: may this one connect, may it stay connected?"""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Protocol
 from gateway.domain.identity import Admitted, Peer
 from metaros._proto import link_pb2
 
-__all__ = ["Ask", "Gate", "OpenGate"]
+__all__ = ["Ask", "NoAuthentication", "RobotAuthenticator"]
 
 Ask = Callable[[link_pb2.Challenge], Awaitable[bytes]]
 
 
-class Gate(Protocol):
+class RobotAuthenticator(Protocol):
     """Decides by certificates and proofs; the link only carries them."""
 
     async def admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask, /) -> Admitted:
@@ -21,21 +21,21 @@ class Gate(Protocol):
         back. UnprovenError when it may not.
         """
 
-    def still(self, admitted: Admitted, /) -> None:
+    def recheck(self, admitted: Admitted, /) -> None:
         """UnprovenError when who was admitted may not stay."""
 
     def cloned(self, robot: str, /) -> None:
         """Two processes speak as this robot in turn."""
 
 
-class OpenGate:
-    """Everybody is who they say: where nobody is enrolled."""
+class NoAuthentication:
+    """Believes every robot id: where no robot is enrolled."""
 
     async def admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask, /) -> Admitted:
         """Without a look."""
         return Admitted(hello.robot_id)
 
-    def still(self, admitted: Admitted, /) -> None:
+    def recheck(self, admitted: Admitted, /) -> None:
         """Always."""
 
     def cloned(self, robot: str, /) -> None:

@@ -34,14 +34,14 @@ from gateway.ingest.events import (
     Send,
     WriterKnown,
 )
-from gateway.ingest.forms import ROS_FRAMES, read_moment, read_part, read_ros, read_twin
-from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
+from gateway.ingest.frame_checks import ROS_FRAMES, read_leases, read_recording, read_ros, read_twin
+from gateway.ingest.handshake import LANES, check_hello, read_channel, read_series
 from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
-from metaros.link import CHANNEL_MASK, Reassembler, SampleColumns, expand, unpack_metrics
+from metaros.link import CHANNEL_MASK, Reassembler, SampleColumns, decompress, unpack_metrics
 
 __all__ = ["Session"]
 
@@ -54,7 +54,7 @@ WHOLE_AFTER = 4  # times as long as silence: lanes may wait in a queue of thousa
 class _Lane:
     """What is remembered of one open lane."""
 
-    heard_s: float
+    received_s: float
     pieces: Reassembler
     live_pieces: Reassembler  # these go on while durable frames are refused
     refusing: int = 0  # the token that ends it; durable frames are dropped until then
@@ -102,9 +102,9 @@ class Session:
             "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
             "heartbeat": self._on_heartbeat,
             "resumed": self._on_resumed,
-            "recording": lambda lane, frame, now_s, wall_ns: [read_part(lane, frame.recording, limits=limits)],
+            "recording": lambda lane, frame, now_s, wall_ns: [read_recording(lane, frame.recording, limits=limits)],
             "twin": lambda lane, frame, now_s, wall_ns: [read_twin(lane, frame.twin, limits=limits)],
-            "leases_taken": lambda lane, frame, now_s, wall_ns: [read_moment(lane, frame.leases_taken)],
+            "leases_taken": lambda lane, frame, now_s, wall_ns: [read_leases(lane, frame.leases_taken)],
             **dict.fromkeys(ROS_FRAMES, lambda lane, frame, now_s, wall_ns: [read_ros(lane, frame)]),
         }
         self._token = 0
@@ -116,9 +116,9 @@ class Session:
         return not self._closed and all(lane in self._lanes for lane in LANES)
 
     @property
-    def heard_s(self) -> float:
+    def received_s(self) -> float:
         """When something came on any lane, by the monotonic clock."""
-        return max((lane.heard_s for lane in self._lanes.values()), default=-math.inf)
+        return max((lane.received_s for lane in self._lanes.values()), default=-math.inf)
 
     def open_lane(self, hello: link_pb2.Hello, *, now_s: float, wall_ns: int) -> list[Event]:
         """A lane's Hello, answered with a Welcome.
@@ -153,7 +153,7 @@ class Session:
         """A frame after the Hello."""
         if self._closed or lane not in self._lanes:
             return []
-        self._lanes[lane].heard_s = now_s
+        self._lanes[lane].received_s = now_s
         events: list[Event] = []
         try:
             handler = self._handlers.get(frame.WhichOneof("frame") or "")
@@ -181,13 +181,13 @@ class Session:
         if not self.online:
             return []
         self._streams.refuse()
-        told = (self._put_off(number, reason, retry_after_ms) for number in self._lanes)
-        return [event for events in told for event in events]
+        frames = (self._put_off(number, reason, retry_after_ms) for number in self._lanes)
+        return [event for events in frames for event in events]
 
     def touch(self, lane: int, *, now_s: float) -> None:
         """The shell was not reading this lane for a reason of its own: silence does not count."""
         if lane in self._lanes:
-            self._lanes[lane].heard_s = now_s
+            self._lanes[lane].received_s = now_s
 
     def tick(self, *, now_s: float, wall_ns: int, since_s: float = -math.inf) -> list[Event]:
         """Heartbeats that are due, and the end of a session that went silent, as far as the gateway listened.
@@ -196,7 +196,7 @@ class Session:
         """
         if self._closed or not self._lanes:
             return []
-        if now_s - max(self.heard_s, since_s) >= self._limits.dead_after_s:
+        if now_s - max(self.received_s, since_s) >= self._limits.dead_after_s:
             return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
         if not self.online and now_s - max(self._opened_s, since_s) >= WHOLE_AFTER * self._limits.dead_after_s:
             return self.close("split", "its other lanes are not here: a load balancer sent them to another gateway?")
@@ -293,7 +293,7 @@ class Session:
                 events += over
                 continue
             pieces = self._lanes[lane].live_pieces if channel.delivery == LIVE else self._lanes[lane].pieces
-            columns = pieces.feed(expand(batch, limits=self._limits))
+            columns = pieces.feed(decompress(batch, limits=self._limits))
             if columns is not None:
                 events += self._samples(lane, channel, columns, wall_ns, read_trace(batch))
         return events

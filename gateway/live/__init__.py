@@ -1,1 +1,1 @@
-"""Live fan-out: what viewers subscribe to, what waits for each of them, and what robots are asked to send for it."""
+"""Live fan-out: viewers' subscriptions, the queue of each, and the demand that is sent to robots."""

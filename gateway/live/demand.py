@@ -1,13 +1,13 @@
-"""What viewers want of each robot's live topics, and when the robot is told. Pure.
+"""What viewers want of each robot's live topics, and when it is sent to the robot. Pure.
 
-More is told at once; less only after it has been less for `hold_s`, so that a page that reloads costs nothing.
+More is sent at once; less only after it has been less for `hold_s`, so that a page that reloads costs nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-__all__ = ["DemandBook", "merge_rates"]
+__all__ = ["DemandTable", "merge_rates"]
 
 
 def merge_rates(rates: Iterable[float]) -> float:
@@ -23,20 +23,20 @@ def _more(one: float, other: float) -> bool:
     return one <= 0 or one > other
 
 
-class DemandBook:
-    """By robot and topic: what is wanted now, and what the robot was told."""
+class DemandTable:
+    """By robot and topic: what is wanted now, and what was sent to the robot."""
 
     def __init__(self, *, hold_s: float = 2.0) -> None:
         self._hold_s = hold_s
         self._wanted: dict[str, dict[str, float]] = {}
-        self._told: dict[str, dict[str, float]] = {}
+        self._sent: dict[str, dict[str, float]] = {}
         self._less_since_s: dict[tuple[str, str], float] = {}
 
     def want(self, robot: str, wanted: Mapping[str, float], *, now_s: float) -> None:
         """Viewers want this of the robot now."""
         self._wanted[robot] = dict(wanted)
-        told = self._told.get(robot, {})
-        for topic, rate in told.items():
+        sent = self._sent.get(robot, {})
+        for topic, rate in sent.items():
             less = topic not in wanted or _more(rate, wanted[topic])
             if less:
                 self._less_since_s.setdefault((robot, topic), now_s)
@@ -44,15 +44,15 @@ class DemandBook:
                 self._less_since_s.pop((robot, topic), None)
 
     def forget(self, robot: str) -> None:
-        """The robot's link is new or gone: it was told nothing."""
-        for topic in self._told.pop(robot, {}):
+        """The robot's link is new or gone: nothing was sent on it."""
+        for topic in self._sent.pop(robot, {}):
             self._less_since_s.pop((robot, topic), None)
 
     def due(self, robot: str, *, now_s: float) -> dict[str, float] | None:
-        """What to tell the robot now; None when it knows."""
-        told = self._told.get(robot, {})
+        """What to send to the robot now; None when nothing changed."""
+        sent = self._sent.get(robot, {})
         demand = dict(self._wanted.get(robot, {}))
-        for topic, rate in told.items():
+        for topic, rate in sent.items():
             since_s = self._less_since_s.get((robot, topic))
             if since_s is None:
                 continue
@@ -60,15 +60,15 @@ class DemandBook:
                 demand[topic] = rate
             else:
                 del self._less_since_s[robot, topic]
-        if demand == told:
+        if demand == sent:
             return None
-        self._told[robot] = demand
+        self._sent[robot] = demand
         return dict(demand)
 
-    def told(self, robot: str) -> dict[str, float]:
-        """What the robot was told last: topic -> rate (0: every sample)."""
-        return dict(self._told.get(robot, {}))
+    def sent(self, robot: str) -> dict[str, float]:
+        """What was sent to the robot last: topic -> rate (0: every sample)."""
+        return dict(self._sent.get(robot, {}))
 
     def releasing(self) -> set[str]:
-        """Robots that will soon be told to send less."""
+        """Robots that will soon be asked for less."""
         return {robot for robot, _ in self._less_since_s}

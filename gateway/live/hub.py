@@ -20,12 +20,13 @@ from gateway.live.feeds import Feeds
 from gateway.live.selection import Selection
 from gateway.live.sink import Sink
 from gateway.live.subscription import Identity, TopicSubscription
-from gateway.live.video import VideoBlock, VideoSelection, is_video
+from gateway.live.video import VideoBlock, is_video
+from gateway.live.video_selection import VideoSelection
 from gateway.live.viewer import OnDropped, Viewer
 from gateway.live.views import Views
 from metaros.clock import Clock, SystemClock
 from metaros.limits import LIMITS, Limits
-from metaros.video_frames import Frame
+from metaros.link.video_frames import Frame
 
 __all__ = ["Hub", "Timer"]
 
@@ -41,18 +42,18 @@ class Timer(Protocol):
         """Call it off."""
 
 
-Later = Callable[[float, Callable[[], None]], Timer]
+CallLater = Callable[[float, Callable[[], None]], Timer]
 
 
 class Hub:
-    """Lives on the event loop. `join` gives a connection its place; `publish` takes samples in."""
+    """Lives on the event loop. `join` adds a connection; `publish` takes samples in."""
 
     def __init__(
         self,
         *,
         clock: Clock | None = None,
         tick_s: float = 0.005,
-        later: Later | None = None,
+        later: CallLater | None = None,
         limits: Limits = LIMITS,
     ) -> None:
         """`later` calls a function in so many seconds: the running loop's `call_later`, unless a test has another."""
@@ -156,7 +157,7 @@ class Hub:
                     wanted[channel.topic] = merge_rates(rates)
         return wanted
 
-    def lookers(self, channel: Channel) -> int:
+    def viewer_count(self, channel: Channel) -> int:
         """How many subscriptions there are to a channel."""
         selections = self._index.get(channel.identity, {}).values()
         return sum(len(members) for selection in selections for members in selection.groups.values())
@@ -214,13 +215,13 @@ class Hub:
         """Whether a block may go out to a viewer that has room; where a key frame is needed for that, ask for one."""
         if not isinstance(block, VideoBlock):
             return True
-        stand = subscription.stand(block.channel)
-        if not stand.lacks(block):
+        video_cursor = subscription.video_cursor(block.channel)
+        if not video_cursor.lacks(block):
             return True
         self._ask_key(subscription, block.channel)
         if block.frame is Frame.ALONE:
             return True
-        if stand.began:
+        if video_cursor.began:
             viewer.lost(subscription, len(block.records))
         return False
 
@@ -278,7 +279,7 @@ class Hub:
                 write(data)
 
     def _ask_key(self, subscription: TopicSubscription, channel: Channel) -> None:
-        if subscription.stand(channel).may_ask(self._clock.monotonic_s()):
+        if subscription.video_cursor(channel).may_ask(self._clock.monotonic_s()):
             self.on_key_wanted(channel.robot, channel.topic)
             self.on_key_wanted_elsewhere(channel.robot, channel.topic)
 

@@ -6,8 +6,8 @@ import threading
 
 import orjson
 
-from gateway.decoder import Decoder
 from gateway.domain.channel import Channel
+from gateway.domain.decoder import Decoder
 from gateway.domain.records import Record
 
 __all__ = ["json_view"]

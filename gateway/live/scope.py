@@ -8,7 +8,7 @@ from typing import Protocol
 from gateway.domain.channel import Channel
 from metaros.idl.globs import Glob
 
-__all__ = ["RobotPattern", "SeenRobots", "matching"]
+__all__ = ["RobotPattern", "VisibleRobots", "matching"]
 
 
 class RobotPattern(Protocol):
@@ -18,7 +18,7 @@ class RobotPattern(Protocol):
         """Whether the robot is meant."""
 
 
-class SeenRobots:
+class VisibleRobots:
     """A pattern that never matches a robot out of the viewer's scope, however wide it is."""
 
     __slots__ = ("_pattern", "_sees")

@@ -7,17 +7,14 @@ what passes is one block for all of them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from gateway.domain.channel import Channel
 from gateway.domain.records import Record
 from gateway.live.encoding import Block, Encoding
+from gateway.live.subscription import TopicSubscription
+from gateway.live.viewer import Viewer
 
-if TYPE_CHECKING:
-    from gateway.live.subscription import TopicSubscription
-    from gateway.live.viewer import Viewer
-
-__all__ = ["Selection"]
+__all__ = ["BLOCK_BYTES", "Selection"]
 
 BLOCK_BYTES = 256 * 1024  # one block, or one sample if that is larger
 

@@ -1,4 +1,4 @@
-"""Where a viewer's bytes go: a WebSocket's pipe, or a queue that a coroutine empties."""
+"""Where a viewer's bytes go: a WebSocket's `SendQueue`, or a queue that a coroutine empties."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ SINK_BYTES = 256 * 1024
 
 
 class Sink(Protocol):
-    """Takes ready-made bytes while it has room, says when it has none, and when it has some again."""
+    """Takes ready-made bytes while its buffer is not full; calls `on_full` and `on_drained` when that changes."""
 
     on_full: Callable[[], None] | None
-    on_room: Callable[[], None] | None
+    on_drained: Callable[[], None] | None
 
     def ready(self) -> bool:
-        """Whether it takes more now; after a False, `on_room` is called when it does."""
+        """Whether it takes more now; after a False, `on_drained` is called when it does."""
 
     def write(self, data: bytes, /) -> None:
         """Take bytes in; only while it is ready. `on_full` is called when it is so no more, be it by this or else."""
@@ -30,7 +30,7 @@ class QueueSink:
 
     def __init__(self, *, limit_bytes: int = SINK_BYTES) -> None:
         self.on_full: Callable[[], None] | None = None
-        self.on_room: Callable[[], None] | None = None
+        self.on_drained: Callable[[], None] | None = None
         self.waiting_bytes = 0
         self._limit_bytes = limit_bytes
         self._queue: deque[bytes] = deque()
@@ -58,8 +58,8 @@ class QueueSink:
         data = self._queue.popleft()
         full = not self.ready()
         self.waiting_bytes -= len(data)
-        if full and self.ready() and self.on_room is not None:
-            self.on_room()
+        if full and self.ready() and self.on_drained is not None:
+            self.on_drained()
         return data
 
     def close(self) -> None:

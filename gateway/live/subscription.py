@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from gateway.domain.channel import Channel
 from gateway.live.encoding import Block, Encoding
-from gateway.live.video import VideoBlock, VideoStand
+from gateway.live.video import VideoBlock, VideoCursor
 from metaros.limits import LIMITS
 
 __all__ = ["TopicSubscription"]
@@ -47,16 +47,16 @@ class TopicSubscription:
         self._start = 0  # samples of the oldest block that were dropped
         self._turn = False  # it is that of what waits in order, beside newest samples
         self._newest: dict[Identity, tuple[Block, Encoding]] = {}
-        self._stands: dict[Identity, VideoStand] = {}
+        self._video_cursors: dict[Identity, VideoCursor] = {}
 
-    def stand(self, channel: Channel) -> VideoStand:
+    def video_cursor(self, channel: Channel) -> VideoCursor:
         """How far it is with a video channel."""
-        stand = self._stands.get(channel.identity)
-        if stand is None:
-            if len(self._stands) >= LIMITS.channels_per_robot:
-                del self._stands[next(iter(self._stands))]
-            stand = self._stands[channel.identity] = VideoStand()
-        return stand
+        video_cursor = self._video_cursors.get(channel.identity)
+        if video_cursor is None:
+            if len(self._video_cursors) >= LIMITS.channels_per_robot:
+                del self._video_cursors[next(iter(self._video_cursors))]
+            video_cursor = self._video_cursors[channel.identity] = VideoCursor()
+        return video_cursor
 
     def hold(self, block: Block, encoding: Encoding) -> int:
         """Let a block wait; returns by how many bytes the waiting data grew (or shrank)."""

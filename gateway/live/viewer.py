@@ -1,7 +1,7 @@
 """One viewer: its topic subscriptions, its sink, and what waits while the sink takes nothing. Pure but for the sink.
 
 All waiting samples of a viewer together are bounded by `viewer_queue_bytes`; over that, the fullest subscription drops
-its oldest. A drop is told; replacing a waiting sample in mode "latest" is no drop.
+its oldest. A drop is reported; replacing a waiting sample in mode "latest" is no drop.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DROP_NOTICE_S = 0.5
 OnDropped = Callable[[int, int, int], None]  # the subscription's number, how many were lost since, how many ever
 
 
-class Interests(Protocol):
+class ViewerHub(Protocol):
     """What a viewer needs of its hub."""
 
     def added(self, viewer: Viewer, subscription: TopicSubscription, /) -> None:
@@ -48,7 +48,7 @@ class Viewer:
     """Owned by one connection; the hub writes to its sink, or lets what it would write wait here."""
 
     def __init__(
-        self, hub: Interests, sink: Sink, *, on_dropped: OnDropped | None = None, limits: Limits = LIMITS
+        self, hub: ViewerHub, sink: Sink, *, on_dropped: OnDropped | None = None, limits: Limits = LIMITS
     ) -> None:
         self.write: Callable[[bytes], None] | None = None  # where what comes goes straight to; None: it has to wait
         self.size_bytes = 0  # of samples that wait
@@ -60,7 +60,7 @@ class Viewer:
         self._closed = False
         self._notice_s = 0.0
         self._notice_set = False
-        sink.on_full, sink.on_room = self._wait, self.drain
+        sink.on_full, sink.on_drained = self._wait, self.drain
         if sink.ready():
             self.write = sink.write
 
@@ -117,7 +117,7 @@ class Viewer:
         """So many samples were given up before they came here."""
         subscription.dropped += count
         if self.clear:
-            self._tell()
+            self._report_drops()
 
     def drain(self) -> None:
         """The sink has room: write what waits, subscription by subscription in turn, while it takes it."""
@@ -138,12 +138,12 @@ class Viewer:
                 self._topics[number] = self._topics.pop(number)  # it goes last next time: none starves the others
             if not wrote and sink.ready():
                 self.write = sink.write  # nothing waits any more
-        self._tell()
+        self._report_drops()
 
     def _wait(self) -> None:
         self.write = None
 
-    def _tell(self) -> None:
+    def _report_drops(self) -> None:
         """Say what was lost, twice a second at most."""
         lossy = [item for item in self._topics.values() if item.dropped > item.reported]
         if not lossy or self._on_dropped is None:
@@ -152,14 +152,14 @@ class Viewer:
         if now_s < self._notice_s:
             if not self._notice_set:
                 self._notice_set = True
-                self._hub.later(self._notice_s - now_s, self._tell_later)
+                self._hub.later(self._notice_s - now_s, self._report_drops_later)
             return
         self._notice_s = now_s + DROP_NOTICE_S
         for item in lossy:
             count, item.reported = item.dropped - item.reported, item.dropped
             self._on_dropped(item.number, count, item.dropped)
 
-    def _tell_later(self) -> None:
+    def _report_drops_later(self) -> None:
         self._notice_set = False
         if not self._closed:
-            self._tell()
+            self._report_drops()

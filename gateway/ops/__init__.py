@@ -1,1 +1,1 @@
-"""Operations: what the gateway says of itself in metrics, traces, logs and a report."""
+"""Operations: the gateway's metrics, traces, logs and process report."""

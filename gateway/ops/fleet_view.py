@@ -1,4 +1,4 @@
-"""All robots as a few numbers: sums, quantiles, and the ones that lag most. Pure."""
+"""Aggregated metrics of all robots: sums, quantiles, and the ones that lag most. Pure."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FleetView:
     def __init__(self, *, most: int) -> None:
         self._most = most
         self._sums = dict.fromkeys(("samples", "bytes", "duplicates", "gaps", "lost", "over_quota", "put_off"), 0)
-        self._online = self._offline = self._elsewhere = self._backlog_bytes = 0
+        self._online = self._offline = self._remote = self._backlog_bytes = 0
         self._lost = dict.fromkeys(CLASSES.values(), 0)
         self._lags: list[tuple[float, str]] = []
         self._backlogs: list[tuple[int, str]] = []
@@ -54,10 +54,10 @@ class FleetView:
         if rtt_s is not None:
             self._rtts.append(rtt_s)
 
-    def add_elsewhere(self, counts: Counted, *, online: bool) -> None:
+    def add_remote(self, counts: Counted, *, online: bool) -> None:
         """One that is linked to another gateway, or was there last, which says how it is. What came here counts."""
         self._sum(counts)
-        self._elsewhere += online
+        self._remote += online
         self._offline += not online
 
     def lost(self, classes: Iterable[tuple[str, int]]) -> None:
@@ -69,7 +69,7 @@ class FleetView:
     def put(self, found: Families) -> None:
         """Write the numbers."""
         found.put("metaros_robots", self._online, "online")
-        found.put("metaros_robots", self._elsewhere, "elsewhere")
+        found.put("metaros_robots", self._remote, "elsewhere")
         found.put("metaros_robots", self._offline, "offline")
         for name, metric in _SUMS.items():
             found.put(metric, self._sums[name])

@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import orjson
 
-from metaros.inert import InertFormatter, inert, inert_json
+from metaros.sanitize import SanitizingFormatter, sanitize, sanitize_json
 
-__all__ = ["FORMATS", "LEVELS", "JsonFormatter", "TextFormatter", "asked_by", "set_up_logs", "tell_of"]
+__all__ = ["FORMATS", "LEVELS", "JsonFormatter", "TextFormatter", "add_log_context", "log_context", "set_up_logs"]
 
 FORMATS: Final = ("text", "json")
 LEVELS: Final = ("debug", "info", "warning", "error")
@@ -27,8 +27,8 @@ _WHO: ContextVar[Callable[[], Mapping[str, str]] | None] = ContextVar("metaros_l
 
 
 @contextlib.contextmanager
-def asked_by(facts: Callable[[], Mapping[str, str]]) -> Iterator[None]:
-    """What is logged inside, in the tasks begun there too, tells these facts: request_id, principal, robot."""
+def log_context(facts: Callable[[], Mapping[str, str]]) -> Iterator[None]:
+    """Add these fields to what is logged inside, in tasks begun there too: request_id, principal, robot."""
     token = _WHO.set(facts)
     try:
         yield
@@ -36,12 +36,12 @@ def asked_by(facts: Callable[[], Mapping[str, str]]) -> Iterator[None]:
         _WHO.reset(token)
 
 
-def tell_of(facts: Callable[[], Mapping[str, str]]) -> None:
-    """The same from here to the end of this task."""
+def add_log_context(facts: Callable[[], Mapping[str, str]]) -> None:
+    """Add these fields to what is logged from here to the end of this task."""
     _WHO.set(facts)
 
 
-class TextFormatter(InertFormatter):
+class TextFormatter(SanitizingFormatter):
     """A line for people; the request's facts stand behind it."""
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class TextFormatter(InertFormatter):
     def formatMessage(self, record: logging.LogRecord) -> str:
         """The line itself."""
         facts = " ".join(f"{key}={value}" for key, value in _facts().items())
-        return super().formatMessage(record) + (f" [{inert(facts)}]" if facts else "")
+        return super().formatMessage(record) + (f" [{sanitize(facts)}]" if facts else "")
 
 
 class JsonFormatter(logging.Formatter):
@@ -68,7 +68,7 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             line["error"] = self.formatException(record.exc_info)[-_TRACE_CHARS:]
-        return inert_json(_json(line))
+        return sanitize_json(_json(line))
 
 
 def set_up_logs(*, form: str = "text", level: str = "warning") -> None:
@@ -79,10 +79,10 @@ def set_up_logs(*, form: str = "text", level: str = "warning") -> None:
 
 
 def _facts() -> dict[str, str]:
-    told = _WHO.get()
-    if told is None:
+    context = _WHO.get()
+    if context is None:
         return {}
-    return {key: value[:_FIELD_CHARS] for key, value in told().items() if value}
+    return {key: value[:_FIELD_CHARS] for key, value in context().items() if value}
 
 
 def _json(line: dict[str, Any]) -> str:

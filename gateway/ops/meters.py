@@ -1,4 +1,4 @@
-"""What is counted where it happens: requests, sockets, calls, commits, stages of followed samples."""
+"""Counters and histograms of requests, sockets, calls, commits, and stages of traced samples."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from prometheus_client.gc_collector import GCCollector
 from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.process_collector import ProcessCollector
 
-from gateway.ops.journey import Journey
 from gateway.ops.metric_table import metric
+from gateway.ops.sample_trace import TracedSample
 
 __all__ = ["Families", "Meters", "text_of"]
 
@@ -60,9 +60,9 @@ class Meters:
         self._samples.inc(samples)
         self._rows.inc(rows)
 
-    def journey(self, journey: Journey) -> None:
+    def traced(self, traced: TracedSample) -> None:
         """A followed sample is at its end."""
-        for span in journey.spans():
+        for span in traced.spans():
             self._stages.labels(span.name).observe(span.duration_ns / 1e9)
 
     def _counter(self, name: str) -> Counter:
@@ -98,7 +98,7 @@ class Families:
         yield from self._families.values()
 
 
-class _Together:
+class _Combined:
     """Several collectors as the one that an encoder asks."""
 
     def __init__(self, parts: Iterable[Any]) -> None:
@@ -115,5 +115,5 @@ class _Together:
 def text_of(meters: Meters, families: Families, *, accept: str = "") -> tuple[bytes, str]:
     """The scrape's body and its content type: OpenMetrics for who asks for it, else Prometheus's own text."""
     encode, content_type = choose_encoder(accept)
-    together: Any = _Together((meters.registry, families))
+    together: Any = _Combined((meters.registry, families))
     return encode(together), content_type

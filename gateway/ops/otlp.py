@@ -1,4 +1,4 @@
-"""Journeys of followed samples to an OpenTelemetry collector, by OTLP over HTTP; needs the extra `otel`.
+"""Exports traced samples to an OpenTelemetry collector, by OTLP over HTTP; needs the extra `otel`.
 
 They wait in a bounded queue, and a thread sends them: a collector that is slow or gone costs traces, counted, and
 nothing else.
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any, Final, Protocol
 from urllib.parse import urlsplit
 
-from gateway.ops.journey import Journey
+from gateway.ops.sample_trace import TracedSample
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 
@@ -31,7 +31,7 @@ _LAST_S: Final = 2.0
 class Exporter(Protocol):
     """Sends spans; blocks."""
 
-    def send(self, journeys: Sequence[Journey]) -> bool:
+    def send(self, traced_samples: Sequence[TracedSample]) -> bool:
         """Whether the collector took them."""
 
     def close(self) -> None:
@@ -56,18 +56,18 @@ class OtlpQueue:
 
     def __init__(self, exporter: Exporter, *, limits: Limits = LIMITS) -> None:
         self._exporter = exporter
-        self._waiting: deque[Journey] = deque()
+        self._waiting: deque[TracedSample] = deque()
         self._limits = limits
         self._failing = False
         self.exported = 0
         self.lost = 0
 
-    def put(self, journey: Journey) -> None:
+    def put(self, traced: TracedSample) -> None:
         """Queue one; the oldest goes where there is no room."""
         if len(self._waiting) >= self._limits.traces_export:
             self._waiting.popleft()
             self.lost += 1
-        self._waiting.append(journey)
+        self._waiting.append(traced)
 
     async def run(self) -> None:
         """Send once a second, until cancelled."""
@@ -110,30 +110,30 @@ class _Otlp:
         self._exporter = OTLPSpanExporter(endpoint=endpoint, timeout=_SEND_S)
         self._resource = Resource({"service.name": "metaros-gateway", "service.instance.id": gateway_id})
 
-    def send(self, journeys: Sequence[Journey]) -> bool:
+    def send(self, traced_samples: Sequence[TracedSample]) -> bool:
         """Whether the collector took them."""
         from opentelemetry.sdk.trace.export import SpanExportResult
 
-        spans = [span for journey in journeys for span in self._spans(journey)]
+        spans = [span for traced in traced_samples for span in self._spans(traced)]
         return self._exporter.export(spans) is SpanExportResult.SUCCESS
 
     def close(self) -> None:
         """End its connections."""
         self._exporter.shutdown()  # type: ignore[no-untyped-call]
 
-    def _spans(self, journey: Journey) -> list[Any]:
+    def _spans(self, traced: TracedSample) -> list[Any]:
         from opentelemetry.sdk.trace import ReadableSpan
         from opentelemetry.trace import SpanContext, TraceFlags
 
-        trace_id, flags = int(journey.times.trace_id, 16), TraceFlags(TraceFlags.SAMPLED)
-        stages = journey.spans()
+        trace_id, flags = int(traced.times.trace_id, 16), TraceFlags(TraceFlags.SAMPLED)
+        stages = traced.spans()
         attributes: dict[str, str | int] = {
-            "metaros.robot": journey.robot,
-            "metaros.topic": journey.topic,
-            "metaros.class": journey.delivery,
-            "metaros.seq": journey.times.seq,
+            "metaros.robot": traced.robot,
+            "metaros.topic": traced.topic,
+            "metaros.class": traced.delivery,
+            "metaros.seq": traced.times.seq,
         }
-        root = SpanContext(trace_id, int(journey.times.span_id, 16), is_remote=False, trace_flags=flags)
+        root = SpanContext(trace_id, int(traced.times.span_id, 16), is_remote=False, trace_flags=flags)
         whole = ReadableSpan(
             "sample",
             root,
@@ -147,7 +147,7 @@ class _Otlp:
             *(
                 ReadableSpan(
                     stage.name,
-                    SpanContext(trace_id, _span_id(journey, stage.name), is_remote=False, trace_flags=flags),
+                    SpanContext(trace_id, _span_id(traced, stage.name), is_remote=False, trace_flags=flags),
                     parent=root,
                     resource=self._resource,
                     attributes=attributes,
@@ -164,7 +164,7 @@ def open_exporter(url: str, *, gateway_id: str) -> Exporter:
     return _Otlp(url, gateway_id=gateway_id)
 
 
-def _span_id(journey: Journey, stage: str) -> int:
+def _span_id(traced: TracedSample, stage: str) -> int:
     """A stage's id: the same whoever computes it, and never 0."""
-    text = f"{journey.times.trace_id}{journey.times.span_id}{stage}"
+    text = f"{traced.times.trace_id}{traced.times.span_id}{stage}"
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") or 1

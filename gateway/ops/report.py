@@ -1,4 +1,4 @@
-"""What a process says of itself for a bug report: tasks, threads, memory, garbage; nothing that is secret."""
+"""A report on this process for a bug report: tasks, threads, memory, garbage; nothing that is secret."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def task_kinds(limit: int) -> list[dict[str, Any]]:
 
 def settings_report(settings: Any) -> dict[str, str]:
     """Every setting that cannot hold a secret; of the others whether they are set."""
-    told: dict[str, str] = {}
+    facts: dict[str, str] = {}
     for item in fields(settings):
         value = getattr(settings, item.name)
         hidden = item.name in _HIDDEN or not item.repr
-        told[item.name] = ("(set)" if value else "") if hidden else str(value)
-    return told
+        facts[item.name] = ("(set)" if value else "") if hidden else str(value)
+    return facts
 
 
 def as_text(report: Mapping[str, Any], *, depth: int = 0) -> str:

@@ -1,4 +1,4 @@
-"""One followed sample from its stamp to viewers and row: the spans of its way, which touch, so that they add up. Pure.
+"""A traced sample from its stamp to viewers and database row, as adjacent spans that add up. Pure.
 
     bus      the node stamped it             -> the agent's tap saw it
     tap      the tap saw it                  -> it was chosen, and began to wait
@@ -10,7 +10,7 @@
     store    it was given to the store       -> its row was committed
 
 The robot's times are put on the gateway's clock. Where a clock is wrong by so much that something would have happened
-before its cause, or before 1970, it counts as having happened together with it, or then, and the journey says so.
+before its cause, or before 1970, it counts as having happened together with it, or then, and the trace says so.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 
 from gateway.domain.trace import RobotTimes
 
-__all__ = ["BRANCHES", "STAGES", "Journey", "Span"]
+__all__ = ["BRANCHES", "STAGES", "Span", "TracedSample"]
 
 STAGES = ("bus", "tap", "outbox", "uplink", "link", "ingest")  # one after the other
 BRANCHES = ("fanout", "store")  # both begin at the end of the last
@@ -41,8 +41,8 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Journey:
-    """What is known of one followed sample; 0 = not happened, or not yet."""
+class TracedSample:
+    """What is known of one traced sample; 0 = not happened, or not yet."""
 
     robot: str
     topic: str
@@ -56,22 +56,22 @@ class Journey:
     written_ns: int = 0
     committed_ns: int = 0
 
-    def written(self, at_ns: int) -> Journey:
-        """The journey once viewers have the sample."""
+    def written(self, at_ns: int) -> TracedSample:
+        """The traced sample once viewers have the sample."""
         return replace(self, written_ns=at_ns)
 
-    def committed(self, at_ns: int) -> Journey:
-        """The journey once its row is stored."""
+    def committed(self, at_ns: int) -> TracedSample:
+        """The traced sample once its row is stored."""
         return replace(self, committed_ns=at_ns)
 
     def points(self) -> tuple[list[tuple[str, int]], bool]:
         """The start, then each stage's end, on the gateway's clock and in order; whether a clock had to yield."""
-        told, offset = self.times, self.times.clock_offset_ns
-        robot = [("stamp", self.stamp_ns), ("bus", told.tapped_ns), ("tap", told.taken_ns)]
-        if told.accepted_ns:
-            robot.append(("outbox", told.accepted_ns))
-        robot.append(("uplink", told.sent_ns))
-        ahead = max(0, told.sent_ns + offset - self.received_ns)  # a frame does not arrive before it is sent
+        times, offset = self.times, self.times.clock_offset_ns
+        robot = [("stamp", self.stamp_ns), ("bus", times.tapped_ns), ("tap", times.taken_ns)]
+        if times.accepted_ns:
+            robot.append(("outbox", times.accepted_ns))
+        robot.append(("uplink", times.sent_ns))
+        ahead = max(0, times.sent_ns + offset - self.received_ns)  # a frame does not arrive before it is sent
         points = [(name, at_ns + offset - ahead) for name, at_ns in robot]
         points += [("link", self.received_ns), ("ingest", max(self.given_ns, self.received_ns))]
         adjusted, before_ns = ahead > 0, points[-1][1]

@@ -1,4 +1,4 @@
-"""What a gateway tells when it is ready: a line, a status file, and to this user's command line where it is."""
+"""What a ready gateway announces: a line, a status file, and its address for this user's command line."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.identity.local import LOCAL_KEY_FILE
-from gateway.names import url_of
+from gateway.domain.host_names import url_of
+from gateway.identity.local_key import LOCAL_KEY_FILE
+from gateway.server.tls import ROOT_FILE
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from gateway.store.engine import shown
-from gateway.tls import ROOT_FILE
 from metaros.access.credentials import forget_key, save_key
 from metaros.errors import ConfigError
 

@@ -6,11 +6,11 @@ import os
 import shlex
 from urllib.parse import urlsplit
 
+from gateway.domain.host_names import is_wildcard, url_of
 from gateway.domain.principal import Role
-from gateway.names import is_wildcard, url_of
 from gateway.settings import DEFAULT_HTTP_PORT, Settings, is_loopback
-from gateway.store.accounts import has_admin
-from gateway.store.api_keys import key_and_owner, list_keys
+from gateway.store.accounts.api_keys import key_and_owner, list_keys
+from gateway.store.accounts.users import has_admin
 from gateway.store.engine import StoreEngine
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS

@@ -39,13 +39,13 @@ def _credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
     `current` is asked at each handshake, on gRPC's threads; whether clients are asked is settled by the first.
     """
     first = current()
-    told = [first]
+    last = [first]
 
     def changed() -> Any:  # None: as before
         now = current()
-        if now == told[0]:
+        if now == last[0]:
             return None
-        told[0] = now
+        last[0] = now
         return _configuration(now)
 
     asks = first.clients is not None

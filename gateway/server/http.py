@@ -1,9 +1,9 @@
-"""uvicorn's protocols with an end to patience: deadlines and bounds for heads, handshakes, frames and idle connections.
+"""uvicorn's protocols with deadlines and limits for request heads, handshakes, frames and idle connections.
 
 uvicorn reads a head of any size for as long as it takes, and its TLS handshakes are counted nowhere. So connections
-are counted by a `Crowd` when they are accepted; TLS starts afterwards, with a deadline; a head has its size and time;
-what comes of a body after its answer is bounded; and a WebSocket's frames are counted, since a frame of one byte costs
-as much as one of a thousand.
+are counted by `ConnectionLimits` when they are accepted; TLS starts afterwards, with a deadline; a head has its size
+and time; what comes of a body after its answer is bounded; and a WebSocket's frames are counted, since a frame of one
+byte costs as much as one of a thousand.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
-from gateway.api.guard import AGENTS_ONLY, PROTOCOL_KEY
-from gateway.crowd import Crowd, Guest
-from gateway.domain.buckets import Buckets
+from gateway.api.middleware.guard import AGENTS_ONLY, PROTOCOL_KEY
+from gateway.domain.buckets import TokenBuckets
+from gateway.server.connections import Connection, ConnectionLimits
 from metaros.clock import Clock
 
 __all__ = ["protocols"]
@@ -41,38 +41,38 @@ class HeadTooLargeError(Exception):
     """Ends the parsing of a head."""
 
 
-class Counted(asyncio.Protocol):
-    """What both protocols of a port tell its crowd of one connection."""
+class CountedProtocol(asyncio.Protocol):
+    """What both protocols of a port report to its `ConnectionLimits`."""
 
-    crowd: Crowd
-    _guest: Guest | None
+    connection_limits: ConnectionLimits
+    _connection: Connection | None
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Count it out."""
-        if self._guest is not None:
-            self.crowd.leave(self._guest)
+        if self._connection is not None:
+            self.connection_limits.remove(self._connection)
         super().connection_lost(exc)
 
     def pause_writing(self) -> None:
         """The other end does not keep up."""
-        if self._guest is not None:
-            self._guest.full = True
+        if self._connection is not None:
+            self._connection.write_paused = True
         super().pause_writing()
 
     def resume_writing(self) -> None:
         """It does again."""
-        if self._guest is not None:
-            self._guest.full = False
+        if self._connection is not None:
+            self._connection.write_paused = False
         super().resume_writing()
 
 
-class HttpProtocol(Counted, HttpToolsProtocol):
+class HttpProtocol(CountedProtocol, HttpToolsProtocol):
     """One connection."""
 
-    def __init__(self, *args: Any, guest: Guest | None = None, **kwargs: Any) -> None:
-        """`guest` is set where the connection was counted already."""
+    def __init__(self, *args: Any, connection: Connection | None = None, **kwargs: Any) -> None:
+        """`connection` is set where the connection was counted already."""
         super().__init__(*args, **kwargs)
-        self._guest = guest
+        self._connection = connection
         self._in_head = True
         self._head_bytes = 0  # of the head that comes now: what was parsed, or what has come
         self._too_large = False
@@ -83,16 +83,16 @@ class HttpProtocol(Counted, HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count it in, or end it."""
         super().connection_made(transport)
-        if self._guest is None:
-            self._guest = self.crowd.enter(transport)
-            if self._guest is None:
+        if self._connection is None:
+            self._connection = self.connection_limits.add(transport)
+            if self._connection is None:
                 transport.abort()
         else:
-            self.crowd.secured(self._guest, transport)
+            self.connection_limits.secured(self._connection, transport)
 
     def data_received(self, data: bytes) -> None:
         """Parse; a head that is too large or too late ends the connection."""
-        if self.transport.is_closing() or self._guest is None:
+        if self.transport.is_closing() or self._connection is None:
             return
         if not self._in_head and not self._body_open and self._idle:
             self._begin_head()
@@ -100,7 +100,7 @@ class HttpProtocol(Counted, HttpToolsProtocol):
         super().data_received(data)
         if before and self._in_head and not self.transport.is_closing():
             self._head_bytes += len(data)
-            if self._head_bytes > self.crowd.limits.head_bytes:
+            if self._head_bytes > self.connection_limits.limits.head_bytes:
                 self._refuse_head()
 
     def on_message_begin(self) -> None:
@@ -123,8 +123,8 @@ class HttpProtocol(Counted, HttpToolsProtocol):
         """Its head is there."""
         self._in_head, self._body_open = False, True
         self._head_bytes = self._surplus = 0
-        if self._guest is not None:
-            self.crowd.work(self._guest)
+        if self._connection is not None:
+            self.connection_limits.mark_busy(self._connection)
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
@@ -149,14 +149,14 @@ class HttpProtocol(Counted, HttpToolsProtocol):
         super().on_message_complete()
         self._body_open = False
         if self._idle:
-            self._rest(self.crowd.limits.keep_alive_s)
+            self._rest(self.connection_limits.limits.keep_alive_s)
 
     def on_response_complete(self) -> None:
         """Its answer is on its way: the next request, or what is left of this one's body, has its time."""
         busy = bool(self.pipeline)
         super().on_response_complete()
         if not busy:
-            limits = self.crowd.limits
+            limits = self.connection_limits.limits
             self._rest(limits.head_s if self._body_open or self._in_head else limits.keep_alive_s)
 
     def send_400_response(self, msg: str) -> None:
@@ -173,15 +173,15 @@ class HttpProtocol(Counted, HttpToolsProtocol):
 
     def _begin_head(self) -> None:
         self._in_head, self._head_bytes = True, 0
-        self._rest(self.crowd.limits.head_s)
+        self._rest(self.connection_limits.limits.head_s)
 
     def _rest(self, seconds: float) -> None:
-        if self._guest is not None:
-            self.crowd.wait(self._guest, seconds)
+        if self._connection is not None:
+            self.connection_limits.mark_idle(self._connection, seconds)
 
     def _count(self, size: int) -> None:
         self._head_bytes += size
-        if self._head_bytes > self.crowd.limits.head_bytes:
+        if self._head_bytes > self.connection_limits.limits.head_bytes:
             self._too_large = True
             raise HeadTooLargeError
 
@@ -190,36 +190,36 @@ class HttpProtocol(Counted, HttpToolsProtocol):
         self.transport.close()
 
 
-class SocketProtocol(Counted, WebSocketsSansIOProtocol):
+class SocketProtocol(CountedProtocol, WebSocketsSansIOProtocol):
     """One WebSocket, from its handshake on."""
 
     clock: Clock
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.last_words = ""  # said to a client that sends too much before it is shown out, see ws/cut.py
-        self._guest: Guest | None = None
+        self.close_notice = ""  # sent to a client that sends too much before its socket is closed, see ws/close.py
+        self._connection: Connection | None = None
         self._pinged = False
         self._frames_seen = 0
-        self._budget: Buckets | None = None
+        self._budget: TokenBuckets | None = None
         self.conn.debug = False  # its log of what comes has the whole address, and with it tokens
         self._count_frames()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The connection of an HTTP request that became a socket."""
         super().connection_made(transport)
-        self._guest = self.crowd.of(transport)
-        if self._guest is not None:
-            self.crowd.work(self._guest)  # its request is over, the socket is not
+        self._connection = self.connection_limits.find(transport)
+        if self._connection is not None:
+            self.connection_limits.mark_busy(self._connection)  # its request is over, the socket is not
 
     def handle_connect(self, event: Request) -> None:
         """How large messages may be, and how many: a robot's link carries more."""
-        per_s = self.crowd.limits.socket_frames_per_s
+        per_s = self.connection_limits.limits.socket_frames_per_s
         if event.path.partition("?")[0] == AGENTS_ONLY:
             per_s *= LINK_FRAMES
         else:
-            self.conn.max_message_size = self.crowd.limits.socket_message_bytes
-        self._budget = Buckets(per_s=per_s, burst=per_s * BURST_S)
+            self.conn.max_message_size = self.connection_limits.limits.socket_message_bytes
+        self._budget = TokenBuckets(per_s=per_s, burst=per_s * BURST_S)
         super().handle_connect(event)
         if hasattr(self, "scope"):  # not where the handshake was refused
             self.scope[PROTOCOL_KEY] = self  # type: ignore[literal-required]
@@ -251,12 +251,12 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
     def handle_close(self, event: Frame) -> None:
         """The client ends it."""
         super().handle_close(event)
-        self._tell_closed()
+        self._unblock_senders()
 
     def handle_parser_exception(self) -> None:
         """What came makes no sense, or is too much."""
         super().handle_parser_exception()
-        self._tell_closed()
+        self._unblock_senders()
 
     def shutdown(self) -> None:
         """The gateway ends: say 1001, "going away", where uvicorn would say that a service restarts."""
@@ -266,7 +266,7 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
             self.conn.send_close(GOING_AWAY)
             self.transport.write(b"".join(self.conn.data_to_send()))
             self.transport.close()
-            self._tell_closed()
+            self._unblock_senders()
         else:
             super().shutdown()
 
@@ -276,7 +276,7 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
 
-    def _tell_closed(self) -> None:
+    def _unblock_senders(self) -> None:
         """Let nobody wait to send more: a client that takes nothing keeps the connection long after its end."""
         if self.transport.is_closing():
             self.disconnected = True
@@ -289,8 +289,8 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
     def _end(self, code: int, reason: str) -> None:
         if self.close_sent or self.transport.is_closing():
             return
-        if code == TOO_OFTEN and self.last_words and self.conn.state is State.OPEN:
-            self.conn.send_text(self.last_words.encode())
+        if code == TOO_OFTEN and self.close_notice and self.conn.state is State.OPEN:
+            self.conn.send_text(self.close_notice.encode())
         self.conn.fail(code, reason)
         self.handle_parser_exception()
 
@@ -304,8 +304,10 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         self.conn.recv_frame = counted  # type: ignore[method-assign]
 
 
-def protocols(crowd: Crowd, *, clock: Clock) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+def protocols(
+    connection_limits: ConnectionLimits, *, clock: Clock
+) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
     """What uvicorn's `http` and `ws` are for one port, behind TLS too."""
-    http = type("CountedHttp", (HttpProtocol,), {"crowd": crowd})
-    socket = type("CountedSocket", (SocketProtocol,), {"crowd": crowd, "clock": clock})
+    http = type("CountedHttp", (HttpProtocol,), {"connection_limits": connection_limits})
+    socket = type("CountedSocket", (SocketProtocol,), {"connection_limits": connection_limits, "clock": clock})
     return http, socket

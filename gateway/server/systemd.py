@@ -1,4 +1,4 @@
-"""What systemd is told of a gateway that it started: that it is ready, that it ends, and that its event loop turns.
+"""sd_notify: systemd learns that the gateway is ready, that it is stopping, and that its event loop runs (watchdog).
 
 It asks by two variables: `NOTIFY_SOCKET` names a datagram socket (`Type=notify`), `WATCHDOG_USEC` how long it waits for
 the next sign of life (`WatchdogSec=`) before it ends the program and starts it again.
@@ -13,13 +13,13 @@ import socket
 import sys
 from collections.abc import Mapping
 
-__all__ = ["BEAT", "ENDING", "READY", "beat", "tell_systemd"]
+__all__ = ["BEAT", "ENDING", "READY", "notify_systemd", "watchdog_loop"]
 
 READY, ENDING, BEAT = "READY=1", "STOPPING=1", "WATCHDOG=1"
 
 
-def tell_systemd(word: str, environ: Mapping[str, str] = os.environ) -> bool:
-    """Say one of the words; False where nobody asked, or nobody hears it. Never waits."""
+def notify_systemd(word: str, environ: Mapping[str, str] = os.environ) -> bool:
+    """Send one state; False where systemd did not ask for it, or the socket is gone. Never waits."""
     address = environ.get("NOTIFY_SOCKET", "")
     if sys.platform == "win32" or not address.startswith(("/", "@")):
         return False
@@ -32,12 +32,12 @@ def tell_systemd(word: str, environ: Mapping[str, str] = os.environ) -> bool:
         return False
 
 
-async def beat(environ: Mapping[str, str] = os.environ) -> None:
-    """Three times in each of systemd's waits say that this event loop turns; ends at once where nobody waits."""
+async def watchdog_loop(environ: Mapping[str, str] = os.environ) -> None:
+    """Send WATCHDOG=1 three times in each WATCHDOG_USEC; returns at once where systemd did not ask for it."""
     waits_us = environ.get("WATCHDOG_USEC", "")
     meant_for = environ.get("WATCHDOG_PID", str(os.getpid()))
     if not (waits_us.isascii() and waits_us.isdigit() and int(waits_us) > 0) or meant_for != str(os.getpid()):
         return
     while True:
-        tell_systemd(BEAT, environ)
+        notify_systemd(BEAT, environ)
         await asyncio.sleep(int(waits_us) / 3e6)

@@ -20,8 +20,8 @@ from pathlib import Path
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.certificate_files import CertificateFiles
-from gateway.identity.ca import ServerPair
+from gateway.identity.certificates.ca import ServerPair
+from gateway.server.certificate_files import CertificateFiles
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
@@ -94,13 +94,13 @@ class _Slot:
         self._stamp = stamp
         self._read = read
         self._folder = folder
-        self._told = stamp()
+        self._seen_stamp = stamp()
         self._context = self._load()
 
     def context(self) -> ssl.SSLContext:
         stamp = self._stamp()
-        if stamp != self._told:
-            self._told = stamp  # a fault is said once; whatever changes next is tried again
+        if stamp != self._seen_stamp:
+            self._seen_stamp = stamp  # a fault is said once; whatever changes next is tried again
             try:
                 self._context = self._load()
             except ConfigError as error:

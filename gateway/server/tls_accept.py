@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, cast
 
-from gateway.crowd import Crowd, Guest
+from gateway.server.connections import Connection, ConnectionLimits
 
 __all__ = ["TlsAcceptor"]
 
@@ -38,13 +38,13 @@ class TlsAcceptor:
         self,
         listener: socket.socket,
         *,
-        crowd: Crowd,
+        connection_limits: ConnectionLimits,
         context: Callable[[], ssl.SSLContext],
-        protocol: Callable[[Guest], asyncio.Protocol],
+        protocol: Callable[[Connection], asyncio.Protocol],
     ) -> None:
-        """`context` is asked at each handshake; `protocol` makes what speaks HTTP with a guest."""
+        """`context` is asked at each handshake; `protocol` makes what speaks HTTP over a connection."""
         self._listener = listener
-        self._crowd = crowd
+        self._connection_limits = connection_limits
         self._context = context
         self._protocol = protocol
         self._shaking: set[asyncio.Task[None]] = set()
@@ -68,24 +68,24 @@ class TlsAcceptor:
     def _welcome(self, sock: socket.socket) -> None:
         sock.setblocking(False)
         accepted = _Accepted(sock)
-        guest = self._crowd.enter(cast("asyncio.Transport", accepted))
-        if guest is None:
+        connection = self._connection_limits.add(cast("asyncio.Transport", accepted))
+        if connection is None:
             sock.close()
             return
-        task = accepted.task = asyncio.get_running_loop().create_task(self._shake(sock, guest))
+        task = accepted.task = asyncio.get_running_loop().create_task(self._shake(sock, connection))
         self._shaking.add(task)
         task.add_done_callback(self._shaking.discard)
 
-    async def _shake(self, sock: socket.socket, guest: Guest) -> None:
+    async def _shake(self, sock: socket.socket, connection: Connection) -> None:
         """From the first byte to HTTP."""
-        accepted, ours = guest.transport, True
+        accepted, ours = connection.transport, True
         try:
-            async with asyncio.timeout(self._crowd.limits.head_s):
+            async with asyncio.timeout(self._connection_limits.limits.head_s):
                 first = await _first_byte(sock)
                 if first == HANDSHAKE:
                     ours = False  # from here on the loop closes it, whatever happens
                     await asyncio.get_running_loop().connect_accepted_socket(
-                        lambda: self._protocol(guest), sock, ssl=self._context()
+                        lambda: self._protocol(connection), sock, ssl=self._context()
                     )
                 elif first:
                     with contextlib.suppress(OSError):
@@ -93,14 +93,14 @@ class TlsAcceptor:
         except (OSError, TimeoutError):  # ssl.SSLError is an OSError
             pass
         finally:
-            if guest.transport is accepted:  # it did not become HTTP
-                self._crowd.leave(guest)
+            if connection.transport is accepted:  # it did not become HTTP
+                self._connection_limits.remove(connection)
             if ours:
                 sock.close()
 
 
 class _Accepted:
-    """A connection that is no transport yet, as far as the crowd needs one."""
+    """A connection that is no transport yet, as far as `ConnectionLimits` needs one."""
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock

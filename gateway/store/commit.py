@@ -20,7 +20,7 @@ from gateway.domain.sample import Rows, Run
 from gateway.store.engine import StoreEngine, placeholders, signed, slices
 from gateway.store.writes import Committed, Mark, RobotWrite, StreamWrite, Write, WriterWrite
 
-__all__ = ["Committer", "Within"]
+__all__ = ["CommitHook", "Committer"]
 
 _Key = tuple[int, int, int]  # robot, stream, epoch
 _REMEMBERED_MARKS = 1 << 18
@@ -65,7 +65,7 @@ _PUT_WRITER = """
 _PUT_META = "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
 
 
-class Within(Protocol):
+class CommitHook(Protocol):
     """Somebody who stores what follows from samples in the very transaction that stores them; on the writer's thread.
 
     What it raises fails the commit: it raises nothing but StoreError.
@@ -93,7 +93,7 @@ class Committer:
     """Turns writes into rows; keeps the numbers of robots, series and channels it has seen, and the watermarks."""
 
     def __init__(self, engine: StoreEngine, *, name: str = "") -> None:
-        self.within: Within | None = None
+        self.commit_hook: CommitHook | None = None
         self._engine = engine
         self._name = f"last_commit_ns {name}"
         self._robots: dict[str, int] = {}
@@ -114,8 +114,8 @@ class Committer:
             # Numbers given inside the rolled back transaction do not exist.
             for cache in (self._robots, self._series, self._channels, self._marks):
                 cache.clear()
-            if self.within is not None:
-                self.within.on_aborted()
+            if self.commit_hook is not None:
+                self.commit_hook.on_aborted()
             raise
         if self._engine.shared or len(self._marks) > _REMEMBERED_MARKS:
             self._marks.clear()
@@ -156,8 +156,8 @@ class Committer:
         self._engine.many(_PUT_ROWS, group.rows)
         self._engine.many(_PUT_GAP, group.gaps)
         self._engine.many(_PUT_MARK, [(*key, seq, now_ns) for key, seq in group.marks.items()])
-        if self.within is not None and group.fresh:
-            self.within.on_writes(self._engine, group.fresh, now_ns)
+        if self.commit_hook is not None and group.fresh:
+            self.commit_hook.on_writes(self._engine, group.fresh, now_ns)
         return [
             Mark(robot, key[1], epoch, self._marks[key])
             for key, (robot, epoch) in touched.items()

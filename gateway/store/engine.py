@@ -1,4 +1,4 @@
-"""What the store needs of a database: the one interface behind which SQLite and PostgreSQL are alike.
+"""The database interface of the store, implemented for SQLite and PostgreSQL.
 
 An engine is one connection, used by one thread. Everything is asked inside a transaction, and refused outside of one:
 a job that forgot it would work on SQLite, and on PostgreSQL as long as its thread has a connection of an earlier job.

@@ -1,4 +1,4 @@
-"""Which engine a store's URL names."""
+"""Opens the engine for a store's URL."""
 
 from __future__ import annotations
 

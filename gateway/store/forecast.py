@@ -1,4 +1,4 @@
-"""When the store reaches its bound, and when the disk is full, if the fleet goes on as it did. Pure.
+"""Forecasts when the store reaches its bound, and when the disk is full, at the fleet's present rate. Pure.
 
 A class grows by what a day brings until its own bounds hold it: what is deleted by age then is as much as what comes.
 """

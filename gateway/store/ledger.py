@@ -15,9 +15,9 @@ from contextlib import asynccontextmanager
 from typing import Protocol, TypeVar
 
 from gateway.errors import StoreError
-from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine
-from gateway.store.hold import objects_held
+from gateway.store.object_hold import objects_held
+from gateway.store.objects import ObjectStore
 from metaros.clock import Clock
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""While somebody copies the object store nothing is deleted from it: each copier holds it, for a while at a time.
+"""Holds on the object store: while somebody copies it nothing is deleted; each hold lasts for a limited time.
 
 What a snapshot of the database refers to is then there until it was copied, whatever compaction and retention doom
 meanwhile. A copier that was killed holds nothing once its time is over. Every function runs inside a transaction of

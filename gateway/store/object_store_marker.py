@@ -1,4 +1,4 @@
-"""Whether an object store is the one in which this store keeps its objects.
+"""A marker object with the store's id, to check that an object store belongs to this store.
 
 A small object is put there first, and stands in the ledger as every other. Where it is missing, another directory or
 bucket was named than before, or than another gateway of the same database has: nothing may then be put or deleted.
@@ -11,24 +11,24 @@ import io
 import secrets
 
 from gateway.errors import ObjectMissingError, ObjectRefusedError
-from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import Transact, announce, stored
+from gateway.store.objects import ObjectStore
 from metaros.clock import Clock
 
-__all__ = ["MARK", "check_mark", "find_mark"]
+__all__ = ["MARK", "check_marker", "find_marker"]
 
 MARK = "mark"  # the kind of these objects in the ledger
 
 
-def check_mark(engine: StoreEngine, run: Transact, objects: ObjectStore, *, clock: Clock) -> None:
+def check_marker(engine: StoreEngine, run: Transact, objects: ObjectStore, *, clock: Clock) -> None:
     """Find the mark, or set it in a store that has none yet.
 
     Raises:
         ObjectRefusedError: this is another object store.
         StoreError, ObjectStoreError: it cannot be told now.
     """
-    if find_mark(engine, objects):
+    if find_marker(engine, objects):
         return
     name, data = f"mark/{secrets.token_hex(8)}", b"objects of a metaros gateway; keep this\n"
     sha256 = hashlib.sha256(data).hexdigest()
@@ -37,7 +37,7 @@ def check_mark(engine: StoreEngine, run: Transact, objects: ObjectStore, *, cloc
     run(lambda engine: stored(engine, name, size_bytes=len(data), sha256=sha256, now_ns=clock.wall_ns()))
 
 
-def find_mark(engine: StoreEngine, objects: ObjectStore) -> bool:
+def find_marker(engine: StoreEngine, objects: ObjectStore) -> bool:
     """Whether the store has a mark, which is there; ObjectRefusedError where another object store was named."""
     with engine.transaction(write=False):
         rows = engine.fetch("SELECT name FROM objects WHERE kind = ? AND state = 'stored'", MARK)

@@ -1,4 +1,4 @@
-"""What is the gateway's alone: its data directory, as keys, passwords' hashes and what robots saw are in it, and the
+"""The gateway's private data directory, as keys, passwords' hashes and what robots saw are in it, and the
 files that hold a secret.
 """
 

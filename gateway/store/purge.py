@@ -1,4 +1,4 @@
-"""Deleting what the retention says is to go: rows at once, objects through the ledger, a slice at a time.
+"""Deletes what the retention policy expires: rows at once, objects through the ledger, a slice at a time.
 
 A slice is one transaction, so that commits never wait long. Watermarks are kept for ever: without its watermark a
 stream would be stored a second time.
@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 
 from gateway.store.engine import StoreEngine
+from gateway.store.fleet.recordings import remove_recording
 from gateway.store.ledger import doom
-from gateway.store.recordings import remove_recording
-from gateway.store.retention import CLASSES, Going, Holding, Retention, Usage, plan
+from gateway.store.retention import CLASSES, Holding, PlannedDeletion, Retention, Usage, plan
 from gateway.store.schema import ROW_BYTES, TABLES
 
 __all__ = ["Purge", "class_bytes", "oldest_holdings", "oldest_ns", "plan_of", "total_bytes"]
@@ -75,7 +75,7 @@ def total_bytes(engine: StoreEngine) -> int:
     return engine.used_bytes() + int(objects[0][0])
 
 
-def plan_of(engine: StoreEngine, retention: Retention, *, now_ns: int) -> Iterator[Going]:
+def plan_of(engine: StoreEngine, retention: Retention, *, now_ns: int) -> Iterator[PlannedDeletion]:
     """What is to go of this store, as it is now."""
     bounded = [name for name in CLASSES if retention.limit(name).size_bytes is not None]
     with engine.transaction(write=False):
@@ -91,7 +91,7 @@ class Purge:
         self._engine = engine
         self._retention = retention
         self._now_ns = now_ns
-        self._plan: Iterator[Going] | None = None
+        self._plan: Iterator[PlannedDeletion] | None = None
         self._gaps_left = True
 
     def step(self) -> int:

@@ -1,4 +1,4 @@
-"""What is to be deleted, and why: by age and size of a class, and by the size of all, the oldest first. Pure.
+"""The retention policy: what is to be deleted, by age and size of a class, and by total size, the oldest first. Pure.
 
 Classes are `metric` (rows of series), `bulk` and `event` (messages, as batches or whole segments), `recording`. The
 purge and its dry run ask the same plan.
@@ -19,8 +19,8 @@ __all__ = [
     "CLASSES",
     "Bounds",
     "ClassLimit",
-    "Going",
     "Holding",
+    "PlannedDeletion",
     "Reason",
     "Retention",
     "Usage",
@@ -99,7 +99,7 @@ class Bounds(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Holding:
-    """Something that can be deleted by itself; `table` and `key` name its row, `object` its object."""
+    """An item that can be deleted by itself; `table` and `key` name its row, `object` its object."""
 
     kind: str
     table: str
@@ -110,7 +110,7 @@ class Holding:
 
 
 @dataclass(frozen=True, slots=True)
-class Going:
+class PlannedDeletion:
     """A holding that is to be deleted, and why."""
 
     holding: Holding
@@ -159,7 +159,7 @@ def retention_of(settings: Bounds) -> Retention:
 
 def plan(
     retention: Retention, usage: Usage, oldest: Callable[[str], Iterator[Holding]], *, now_ns: int
-) -> Iterator[Going]:
+) -> Iterator[PlannedDeletion]:
     """What is to go, one after the other; `oldest` gives a class's holdings by the time they were stored.
 
     It is read only as far as something goes, so whoever stops early has read little.
@@ -169,18 +169,18 @@ def plan(
     for name, queue in queues.items():
         for holding in queue.before(retention.before_ns(name, now_ns=now_ns)):
             freed += holding.size_bytes
-            yield Going(holding, "age")
+            yield PlannedDeletion(holding, "age")
         most_bytes = retention.limit(name).size_bytes
         for holding in queue.over(most_bytes) if most_bytes is not None else ():
             freed += holding.size_bytes
-            yield Going(holding, "class_size")
+            yield PlannedDeletion(holding, "class_size")
     excess = usage.total_bytes - freed - retention.size_bytes
     rest = (heapq.merge(*(queues[name].rest() for name in group), key=lambda item: item.stored_ns) for group in GROUPS)
     for holding in chain.from_iterable(rest):
         if excess <= 0:
             return
         excess -= holding.size_bytes
-        yield Going(holding, "store_size")
+        yield PlannedDeletion(holding, "store_size")
 
 
 class _Queue:

@@ -16,9 +16,9 @@ from gateway.store.migrations.commands import COMMANDS
 from gateway.store.migrations.deliveries import DELIVERIES
 from gateway.store.migrations.events import EVENTS
 from gateway.store.migrations.functions import FUNCTIONS
+from gateway.store.migrations.idempotency import ONCE
 from gateway.store.migrations.invocations import INVOCATIONS
 from gateway.store.migrations.leases import LEASES
-from gateway.store.migrations.once import ONCE
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
 from gateway.store.migrations.rollouts import ROLLOUTS

@@ -1,11 +1,11 @@
-"""How much is stored: by class, robot and table, and in the object store."""
+"""Storage use: by class, robot and table, and in the object store."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.store.check import Report, last_report
 from gateway.store.engine import StoreEngine
+from gateway.store.integrity.check import Report, last_report
 from gateway.store.purge import class_bytes, oldest_ns, total_bytes
 from gateway.store.retention import CLASSES
 from gateway.store.schema import ROW_BYTES, TABLES

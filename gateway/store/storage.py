@@ -1,4 +1,4 @@
-"""The account of a store, as REST and command line show it: use, growth, damage, and what would be deleted."""
+"""Storage statistics for REST and the command line: use, growth, damage, and what would be deleted."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.objects import DirectoryStore, ObjectStore
-from gateway.store.check import Damage
 from gateway.store.engine import StoreEngine
 from gateway.store.forecast import ClassFlow, forecast
+from gateway.store.integrity.check import Damage
+from gateway.store.objects import DirectoryStore, ObjectStore
 from gateway.store.purge import plan_of
 from gateway.store.retention import Retention
 from gateway.store.stats import ClassUse, Stats, read_stats
 from gateway.store.store import Store
 from metaros.clock import Clock
 
-__all__ = ["Storage", "StorageDesk", "damage_document"]
+__all__ = ["Storage", "StorageManager", "damage_document"]
 
 _DAMAGE = 100
 _FRESH_S = 10.0  # an account goes through every table
@@ -122,7 +122,7 @@ class Storage:
         return min((shutil.disk_usage(place).free for place in found), default=None)
 
 
-class StorageDesk:
+class StorageManager:
     """The account of the gateway's own store, read off the event loop; an answer serves everybody for 10 s."""
 
     def __init__(self, store: Store, storage: Storage, *, clock: Clock) -> None:

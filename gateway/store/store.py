@@ -12,15 +12,23 @@ from pathlib import Path
 from typing import TypeVar
 
 from gateway.domain.sample import Gap
-from gateway.objects import ObjectStore
-from gateway.store.commit import Within
-from gateway.store.compact import CompactPace
-from gateway.store.compactor import Compactor
+from gateway.store.commit import CommitHook
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
-from gateway.store.history import StoredTopic, TopicGap, find_runs, gaps_between, newest_candidates, stored_topics
-from gateway.store.load import RunLoader
-from gateway.store.query import (
+from gateway.store.objects import ObjectStore
+from gateway.store.retention import Retention
+from gateway.store.telemetry.compact import CompactPace
+from gateway.store.telemetry.compactor import Compactor
+from gateway.store.telemetry.history import (
+    StoredTopic,
+    TopicGap,
+    find_runs,
+    gaps_between,
+    newest_candidates,
+    stored_topics,
+)
+from gateway.store.telemetry.load import RunLoader
+from gateway.store.telemetry.query import (
     SeriesFacts,
     StoredGap,
     StoredRobot,
@@ -30,9 +38,8 @@ from gateway.store.query import (
     read_streams,
     read_writers,
 )
-from gateway.store.retention import Retention
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
-from gateway.store.series import Method, SeriesRange, read_metric_gaps, read_range
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.telemetry.series import Method, SeriesRange, read_metric_gaps, read_range
 from gateway.store.writer import Pace, Writer
 from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import Clock
@@ -128,17 +135,17 @@ class Store:
         listener: Callable[[Committed], None] | None = None,
         refused: Callable[[Collection[str]], None] | None = None,
         ahead: Callable[[Sequence[Write]], None] | None = None,
-        within: Within | None = None,
+        commit_hook: CommitHook | None = None,
     ) -> None:
         """Start writing; in the running event loop `listener` is told of each commit, and `refused` the robots
         whose queued writes were given up, as they cannot be committed now. `ahead` gets, on the writer's thread, what
-        the next commit will try to store; it must not raise. `within` takes part in every commit, likewise.
+        the next commit will try to store; it must not raise. `commit_hook` takes part in every commit, likewise.
         """
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._refused_listener = refused
         self._ahead_listener = ahead
-        self._writer.start(within)
+        self._writer.start(commit_hook)
         if self._compactor is not None:
             self._compactor.start()
 

@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from gateway.errors import StoreError, UnstorableError
-from gateway.store.commit import Committer, Within
+from gateway.store.commit import CommitHook, Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.purge import Purge
 from gateway.store.retention import Retention
+from gateway.store.telemetry.merge import merge_step, waiting_batches
 from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
-from metaros.waiting import WaitQueue
+from metaros.concurrency.waiting import WaitQueue
 
 __all__ = ["Pace", "Writer"]
 
@@ -74,7 +74,7 @@ class _Job:
 
 
 @dataclass(slots=True)
-class _Turn:
+class _Round:
     """What was taken from the queue at once."""
 
     writes: list[Write] = field(default_factory=list)
@@ -121,9 +121,9 @@ class Writer:
         """Why the last commit failed; None while commits work."""
         return self._error
 
-    def start(self, within: Within | None = None) -> None:
-        """Start the thread; `within` takes part in every commit."""
-        self._committer.within = within
+    def start(self, commit_hook: CommitHook | None = None) -> None:
+        """Start the thread; `commit_hook` takes part in every commit."""
+        self._committer.commit_hook = commit_hook
         self._thread.start()
 
     def submit(self, write: Write) -> None:
@@ -157,7 +157,7 @@ class Writer:
     def _run(self) -> None:
         while not self._stopped.is_set():
             try:
-                self._turn()
+                self._round()
             except Exception:  # a mistake of ours must not end what acknowledges every robot's samples
                 log.exception("the store's writer failed; it goes on")
                 self._stopped.wait(self._pace.retry_every_s)
@@ -170,38 +170,38 @@ class Writer:
         """What was queued before the end, as far as commits work."""
         ended = False
         while not ended and self._error is None:
-            turn = self._take(block=False)
-            ended = turn.ended or self._queue.empty()
-            self._finish(turn)
+            taken = self._take(block=False)
+            ended = taken.ended or self._queue.empty()
+            self._finish(taken)
         while not self._queue.empty():
             left = self._queue.get_nowait()
             if isinstance(left, _Job):
                 left.refuse("the store is closing")
 
-    def _turn(self) -> None:
-        turn = self._take(block=True)
-        if turn.writes or turn.waiting or turn.jobs or self._error is not None:
-            self._finish(turn)
-        if not turn.ended and self._error is None:
+    def _round(self) -> None:
+        taken = self._take(block=True)
+        if taken.writes or taken.waiting or taken.jobs or self._error is not None:
+            self._finish(taken)
+        if not taken.ended and self._error is None:
             self._housekeeping()
 
-    def _finish(self, turn: _Turn) -> None:
-        self._ahead(turn.writes)
-        writes, self._kept = [*self._kept, *turn.writes], []
+    def _finish(self, taken: _Round) -> None:
+        self._ahead(taken.writes)
+        writes, self._kept = [*self._kept, *taken.writes], []
         if (writes or self._error is not None) and not self._commit(writes):
             self._give_up(writes)
-            for future in turn.waiting:
+            for future in taken.waiting:
                 future.cancel()
-            for job in turn.jobs:
+            for job in taken.jobs:
                 job.refuse(f"the store cannot commit: {self._error}")
             if self._clock.monotonic_s() - self._last_purge_s >= self._pace.rescue_every_s:
                 self._purge()
             self._stopped.wait(self._pace.retry_every_s)
             return
-        for future in turn.waiting:
+        for future in taken.waiting:
             if future.set_running_or_notify_cancel():
                 future.set_result(None)
-        for job in turn.jobs:
+        for job in taken.jobs:
             job.run(self._engine)
 
     def _give_up(self, writes: Sequence[Write]) -> None:
@@ -210,31 +210,31 @@ class Writer:
         self._kept = [*self._kept, *own][-_KEPT_WRITES:]
         self._on_refused([write for write in writes if isinstance(write, StreamWrite)])
 
-    def _take(self, *, block: bool) -> _Turn:
+    def _take(self, *, block: bool) -> _Round:
         """Everything queued now, after waiting for the first and for the commit pace."""
-        turn = _Turn()
+        taken = _Round()
         first, size_bytes = True, 0
-        while len(turn.writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
+        while len(taken.writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
             try:
                 wait_s = 1.0 if self._error is None else self._pace.retry_every_s
                 item = self._queue.get(wait_s) if block and first else self._queue.get_nowait()
             except queue.Empty:
                 break
             if item is None:
-                turn.ended = True
+                taken.ended = True
                 break
             if isinstance(item, Future):
-                turn.waiting.append(item)
+                taken.waiting.append(item)
             elif isinstance(item, _Job):
-                turn.jobs.append(item)
+                taken.jobs.append(item)
                 break  # what was submitted before it is committed before it
             else:
-                turn.writes.append(item)
+                taken.writes.append(item)
                 size_bytes += item.size_bytes
             if block and first:
                 self._stopped.wait(self._last_commit_s + self._pace.commit_every_s - self._clock.monotonic_s())
             first = False
-        return turn
+        return taken
 
     def _commit(self, writes: list[Write]) -> bool:
         """Commit all or nothing; False when it did not work."""

@@ -1,4 +1,4 @@
-"""What can be asked of the writer, and what a commit answers."""
+"""The writer's operations, and the result of a commit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Queue, rules and functions, put together: what is judged, what is accepted, who delivers it.
+"""Wires queue, rules and functions: what is judged, what is accepted, who delivers it.
 
 Part of the wiring: it reads the living parts of other features, and belongs to none.
 """
@@ -11,51 +11,51 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from gateway.choices import function_choices
-from gateway.domain.delivery import Put
+from gateway.automation.functions.async_put import event_put
+from gateway.automation.functions.replays import Replayer
+from gateway.automation.functions.service import FunctionPorts, Functions
+from gateway.automation.outbound.aws import AwsDestinations
+from gateway.automation.queue.manager import QueueManager
+from gateway.automation.rules.service import Rules
+from gateway.automation.rules.target_deliveries import FunctionCall
+from gateway.domain.automation.delivery import Put
 from gateway.errors import StoreError
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.orders import OrderDesk
-from gateway.functions.async_put import event_put
-from gateway.functions.feature import Functions, Ways
-from gateway.functions.replays import Replayer
+from gateway.fleet.command_manager import CommandManager
+from gateway.fleet.manager import FleetManager
+from gateway.history.recordings.manager import RecordingManager
 from gateway.identity.master import MasterKey
-from gateway.objects import ObjectStore
 from gateway.ops.meters import Families
-from gateway.outbound.aws import AwsDestinations
-from gateway.queue.desk import QueueDesk
-from gateway.recordings.desk import RecordingDesk
-from gateway.robot_results import RobotResults
-from gateway.rule_ends import RuleEnds
-from gateway.rules.feature import Rules
-from gateway.rules.firing import FunctionCall
 from gateway.settings import Settings
 from gateway.store import Store
-from gateway.store.commit import Within
-from gateway.store.deliveries import put
+from gateway.store.automation.deliveries import put
+from gateway.store.automation.mapping_cursors import Stream
+from gateway.store.commit import CommitHook
 from gateway.store.engine import StoreEngine
-from gateway.store.mapping_cursors import Stream
+from gateway.store.objects import ObjectStore
 from gateway.store.writes import Committed, StreamWrite
-from gateway.watching import Watching
+from gateway.wiring.alerting import Alerting
+from gateway.wiring.options import function_choices
+from gateway.wiring.robot_function_results import RobotResults
+from gateway.wiring.rule_targets import RuleTargets
 from metaros.clock import Clock, system_rng
 
-__all__ = ["Around", "Reacting"]
+__all__ = ["Automation", "Dependencies"]
 
 
 HOUR_S = 3600.0
 Emit = Callable[[str, str, Mapping[str, Any]], None]
 
 
-class Around(Protocol):
-    """The desks that do what rules say: the gateway has them."""
+class Dependencies(Protocol):
+    """The parts of the gateway that carry out what rules say."""
 
-    orders: OrderDesk
-    fleet: FleetDesk
-    recordings: RecordingDesk
-    watching: Watching
+    command_manager: CommandManager
+    fleet: FleetManager
+    recordings: RecordingManager
+    alerting: Alerting
 
 
-class Reacting:
+class Automation:
     """Queue, rules and functions; lives on the event loop but for what judges commits."""
 
     def __init__(
@@ -64,9 +64,9 @@ class Reacting:
         self._settings = settings
         self._store = store
         self._clock = clock
-        self._ends: RuleEnds | None = None
+        self._ends: RuleTargets | None = None
         rng = system_rng()
-        self.queue = QueueDesk(store, clock=clock, rng=rng)
+        self.queue = QueueManager(store, clock=clock, rng=rng)
         self.aws = AwsDestinations(endpoint=settings.aws_endpoint, region=settings.aws_region)
         self.rules = Rules(
             store,
@@ -74,13 +74,13 @@ class Reacting:
             seal=master.seal,
             unseal=master.open,
             function_put=_function_put,
-            noted=self.queue.noted,
+            notify=self.queue.notify,
         )
-        ways = Ways(
+        ports = FunctionPorts(
             accept=self.queue.accept,
             put=self._put,
-            noted=self.queue.noted,
-            happen=self.rules.intake.accept,
+            notify=self.queue.notify,
+            put_events=self.rules.intake.accept,
             aws=self.aws,
             emit=emit,
         )
@@ -88,27 +88,27 @@ class Reacting:
             store,
             objects,
             settings.data_dir / "functions",
-            ways,
+            ports,
             choices=function_choices(settings),
             clock=clock,
             rng=rng,
         )
 
-    async def start(self, around: Around) -> None:
+    async def start(self, dependencies: Dependencies) -> None:
         """Before the first link: what is committed from then on is judged."""
         await self.rules.start()
         await self.functions.start()
-        self._ends = ends = self._make_ends(around)
+        self._ends = ends = self._make_targets(dependencies)
         for kind, handler in {**self.functions.handlers(), **ends.handlers}.items():
             self.queue.handle(kind, handler)
         await self.queue.start()
         replays = await self.queue.replays()
         await Replayer(self.queue.replay, self.functions.catalogue).resume(replays)
 
-    def within(self) -> Within:
+    def commit_hook(self) -> CommitHook:
         """What is done within a commit of samples: rules, and results of functions on robots."""
         engine = self.rules.engine
-        return RobotResults(engine, engine.on_happenings, self._store.gateway_id)
+        return RobotResults(engine, engine.on_gateway_events, self._store.gateway_id)
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -153,14 +153,14 @@ class Reacting:
     def _put(self, engine: StoreEngine, puts: Sequence[Put]) -> object:
         return put(engine, puts, gateway=self._store.gateway_id, now_ns=self._clock.wall_ns())
 
-    def _make_ends(self, around: Around) -> RuleEnds:
+    def _make_targets(self, dependencies: Dependencies) -> RuleTargets:
         own = self._settings
-        return RuleEnds(
+        return RuleTargets(
             self.rules.secrets,
-            around.orders,
-            around.fleet,
-            around.recordings,
-            around.watching.desk,
+            dependencies.command_manager,
+            dependencies.fleet,
+            dependencies.recordings,
+            dependencies.alerting.manager,
             clock=self._clock,
             private_hosts=own.webhook_private,
             aws_region=own.aws_region,
@@ -176,7 +176,7 @@ def _function_put(call: FunctionCall) -> Put:
         call.payload,
         request_id=call.request_id,
         robot=call.robot,
-        happening=call.happening,
+        event_id=call.event_id,
         dedup=call.dedup,
         context=call.context,
         policy=replace(call.policy, backoff="lambda"),

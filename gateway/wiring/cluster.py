@@ -1,4 +1,4 @@
-"""This gateway among the others of its store, put together: the mesh, robots elsewhere, live data, requests.
+"""Wires this gateway to the others of its store: the mesh, remote robots, live data, requests.
 
 Part of the wiring. Without `--cluster` there is no mesh, and every robot is here or nowhere.
 """
@@ -9,38 +9,38 @@ import asyncio
 from collections.abc import Mapping
 from typing import Protocol
 
+from gateway.automation.events.recorder import EventRecorder
 from gateway.cluster.live import Live
 from gateway.cluster.mesh import ZenohMesh
-from gateway.cluster.mirror import Mirror
-from gateway.cluster.relays import Around, Relays
+from gateway.cluster.mirror.mirror import Mirror
+from gateway.cluster.relay.relays import LocalParts, Relays
 from gateway.domain.sample import Run
-from gateway.events.feature import Events
 from gateway.identity.master import MasterKey
 from gateway.ingest.registry import Registry
-from gateway.live.demand_desk import DemandDesk
+from gateway.live.demand_manager import DemandManager
 from gateway.live.hub import Hub
 from gateway.ops.meters import Families
 from gateway.settings import Settings
 from gateway.store import Store
-from gateway.watching import Watching
+from gateway.wiring.alerting import Alerting
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["Clustering", "Parts"]
+__all__ = ["Cluster", "Parts"]
 
 
-class Parts(Around, Protocol):
-    """The gateway's own parts that take part."""
+class Parts(LocalParts, Protocol):
+    """The parts of the gateway that take part in the cluster."""
 
     store: Store
     registry: Registry
     hub: Hub
-    events: Events
-    demand: DemandDesk
-    watching: Watching
+    events: EventRecorder
+    demand: DemandManager
+    alerting: Alerting
 
 
-class Clustering:
+class Cluster:
     """Lives on the event loop; made when the parts are, before any robot is let in."""
 
     def __init__(self, settings: Settings, parts: Parts, master: MasterKey, *, clock: Clock) -> None:
@@ -54,11 +54,11 @@ class Clustering:
         )
         self._mirror = Mirror(mesh, parts.registry, parts.hub, clock=clock)
         self._live = Live(mesh, parts.registry, parts.hub, clock=clock, tick_s=settings.tick_s)
-        self._relays = Relays(mesh, parts, home_of=self._home_of, clock=clock)
-        parts.watching.join(mesh)
-        self._mirror.watch(self._live.on_home)
-        self._mirror.watch(self._relays.on_home)
-        self._mirror.on_elsewhere(self._relays.on_elsewhere)
+        self._relays = Relays(mesh, parts, owner_of=self._owner_of, clock=clock)
+        parts.alerting.join(mesh)
+        self._mirror.watch(self._live.on_owner)
+        self._mirror.watch(self._relays.on_owner)
+        self._mirror.on_remote_session(self._relays.on_remote_session)
         self._mirror.on_orphan(self._orphaned)
         self._live.on_wanted(parts.demand.wants_changed)
         self._live.on_key_wanted(parts.demand.key_wanted)
@@ -110,7 +110,7 @@ class Clustering:
             self._mirror.on_channels(robot_id)
 
     def on_online(self, robot_id: str, online: bool) -> None:
-        """A link here began or ended; the gateway's own desks have heard of it."""
+        """A link here began or ended; the gateway's own features were notified before."""
         if self.mesh is not None:
             self._mirror.on_online(robot_id, online)
             self._relays.on_online(robot_id, online)
@@ -145,9 +145,9 @@ class Clustering:
         found.put("metaros_cluster_live_dropped_samples", self._live.dropped_samples)
         found.put("metaros_queue_bytes", mesh.queued_bytes, "cluster")
 
-    def _home_of(self, robot_id: str) -> str:
+    def _owner_of(self, robot_id: str) -> str:
         record = self._parts.registry.find(robot_id)
-        return record.home if record is not None else ""
+        return record.owner_gateway if record is not None else ""
 
     def _orphaned(self, robot_id: str) -> None:
         """A robot's gateway died, and it is nowhere else yet; one of the gateways that live says so."""

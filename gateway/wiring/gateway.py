@@ -1,4 +1,4 @@
-"""The gateway's only wiring: features meet here and nowhere else."""
+"""Wires the gateway: the only place where features are connected to each other."""
 
 from __future__ import annotations
 
@@ -6,71 +6,65 @@ import asyncio
 import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
-from starlette.types import ASGIApp
-
-from gateway.api import create_api
-from gateway.api.attendance import Attendance
-from gateway.api.services import Services
-from gateway.api.views import robot_view
-from gateway.binding import can_sign_in, check_binding
-from gateway.choices import identity_choices, rates_of
-from gateway.clustering import Clustering
+from gateway.api.open_connections import OpenConnections
+from gateway.api.views.robots import robot_view
+from gateway.automation.events.recorder import EventRecorder
 from gateway.domain.channel import Channel
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.domain.sample import Run
 from gateway.errors import StoreError
-from gateway.events.feature import Events
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.failover import Failover
-from gateway.fleet.node_feature import Nodes
-from gateway.fleet.orders import OrderDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.command_manager import CommandManager
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.nodes.failover import Failover
+from gateway.fleet.nodes.feature import Nodes
 from gateway.fleet.presence import Presence
-from gateway.fleet.rollout_side import TwinSide
-from gateway.fleet.rollouts import RolloutDesk
-from gateway.fleet.ros_side import RosSide
-from gateway.fleet.talk import TalkDesk
-from gateway.fleet.teleop import TeleopDesk
-from gateway.fleet.twin_feature import Twins
-from gateway.history.desk import HistoryDesk
+from gateway.fleet.rollouts.manager import RolloutManager
+from gateway.fleet.rollouts.twin_backend import TwinBackend
+from gateway.fleet.ros.feature import RosFeature
+from gateway.fleet.talk import TalkManager
+from gateway.fleet.teleop import TeleopManager
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.updates.repository import Repository
+from gateway.fleet.updates.tokens import FetchTokens
+from gateway.history.manager import HistoryManager
+from gateway.history.recordings.manager import RecordingManager
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
-from gateway.identity.desk import IdentityDesk
-from gateway.identity.door import Door
-from gateway.identity.local import Doors, LocalKey
+from gateway.identity.authenticator import Authenticator
+from gateway.identity.local_key import AuthenticatorChain, LocalKey
+from gateway.identity.manager import IdentityManager
 from gateway.identity.master import MasterKey
-from gateway.identity.oidc import OidcClient
-from gateway.identity.oidc_settings import OidcSettings
+from gateway.identity.master_key_check import check_master
+from gateway.identity.oidc.client import OidcClient
+from gateway.identity.oidc.settings import OidcSettings
 from gateway.identity.passwords import Passwords
-from gateway.identity.shared_key import check_master
-from gateway.identity.store_door import StoreDoor
+from gateway.identity.store_authenticator import StoreAuthenticator
 from gateway.identity.tickets import Tickets
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry
-from gateway.known_robots import load_robots
-from gateway.live.demand_desk import DemandDesk
+from gateway.live.demand_manager import DemandManager
 from gateway.live.hub import Hub
-from gateway.objects import open_objects
-from gateway.operations import Operations, Parts
-from gateway.private_dir import make_private
-from gateway.reacting import Reacting
-from gateway.recordings.desk import RecordingDesk
-from gateway.robot_side import robot_side
-from gateway.services_of import services_of
+from gateway.server.bind_address import can_sign_in, check_binding
+from gateway.server.tls import HttpTls, http_tls
 from gateway.settings import Settings, is_loopback
 from gateway.store import Store
+from gateway.store.fleet.updates import give_duties
+from gateway.store.objects import open_objects
+from gateway.store.private_dir import make_private
 from gateway.store.retention import retention_of
-from gateway.store.storage import Storage, StorageDesk
-from gateway.store.updates import give_duties
+from gateway.store.storage import Storage, StorageManager
 from gateway.store.writes import Committed
-from gateway.tls import HttpTls, http_tls
-from gateway.updates.repository import Repository
-from gateway.updates.tokens import FetchTokens
-from gateway.watching import Watching
+from gateway.wiring.alerting import Alerting
+from gateway.wiring.automation import Automation
+from gateway.wiring.cluster import Cluster
+from gateway.wiring.ops import Operations, Parts
+from gateway.wiring.options import identity_choices, rates_of
+from gateway.wiring.recordings import robot_link
+from gateway.wiring.stored_robots import load_robots
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -84,7 +78,12 @@ class Gateway:
     """Everything but the listening sockets: start, run beside the servers, stop."""
 
     def __init__(
-        self, settings: Settings, *, clock: Clock, door: Door | None = None, passwords: Passwords | None = None
+        self,
+        settings: Settings,
+        *,
+        clock: Clock,
+        authenticator: Authenticator | None = None,
+        passwords: Passwords | None = None,
     ) -> None:
         self.settings = settings
         self.clock = clock
@@ -100,44 +99,41 @@ class Gateway:
             objects=self.objects,
         )
         account = Storage(retention=retention, objects=self.objects, data_dir=settings.data_dir)
-        self.storage = StorageDesk(self.store, account, clock=clock)
-        self.history = HistoryDesk(self.store)
+        self.storage = StorageManager(self.store, account, clock=clock)
+        self.history = HistoryManager(self.store)
         self.registry = Registry()
         self.hub = Hub(clock=clock, tick_s=settings.tick_s)
         self._master = master = MasterKey.load_or_make(settings.data_dir, settings.master_key)
-        self.reacting = Reacting(settings, self.store, self.objects, master, emit=self._emit, clock=clock)
-        self.events = Events(self.store, clock=clock, within=self.reacting.rules.engine.on_events)
+        self.automation = Automation(settings, self.store, self.objects, master, emit=self._emit, clock=clock)
+        self.events = EventRecorder(self.store, clock=clock, within=self.automation.rules.engine.on_events)
         self.leases = LeaseTable(valid_s=LIMITS.lease_s, listener=self.events.on_lease)
-        self.talks = LeaseTable(valid_s=LIMITS.lease_s, door="talk", doing="is talking through")
+        self.talks = LeaseTable(valid_s=LIMITS.lease_s, endpoint="talk", doing="is talking through")
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
-        self.identities = IdentityDesk(self.store, settings.data_dir, identity_choices(settings), clock=clock)
+        self.identities = IdentityManager(self.store, settings.data_dir, identity_choices(settings), clock=clock)
         self._make_robots(limits)
         self.local_key = LocalKey(settings.data_dir)
-        stored = StoreDoor(self.store, clock=clock)
+        stored = StoreAuthenticator(self.store, clock=clock)
         self.accounts = Accounts(self.store, stored, master, clock=clock, passwords=passwords)
         self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
         self._make_updates(master)
-        self.watching = Watching(settings, self, clock=clock)
+        self.alerting = Alerting(settings, self, clock=clock)
         self.tickets = Tickets(self.store, clock=clock)
-        self.door = Doors(self.local_key, self.fetch_tokens, self.tickets, stored, *filter(None, [door]))
-        self.attendance = Attendance(self.door)
+        self.authenticator = AuthenticatorChain(
+            self.local_key, self.fetch_tokens, self.tickets, stored, *filter(None, [authenticator])
+        )
+        self.open_connections = OpenConnections(self.authenticator)
         self.rates = rates_of(settings, clock)
-        self.demand = DemandDesk(
+        self.demand = DemandManager(
             self.hub, online=self._online, channels_of=self._channels_of, send=self.links.send, clock=clock
         )
-        self.clustering = Clustering(settings, self, master, clock=clock)
+        self.cluster = Cluster(settings, self, master, clock=clock)
         self.tls: HttpTls | None = None  # of the HTTP port, once started
         self.operations = self._make_operations()
-        self._guests = door is not None
+        self._extra_authenticator = authenticator is not None
         self.grpc_port = self.programs_port = 0  # where robots and programs connect, once the servers are bound
-
-    @property
-    def api(self) -> ASGIApp:
-        """The HTTP and WebSocket application."""
-        return create_api(self.services)
 
     def _make_robots(self, limits: Limits) -> None:
         quota = Quota(messages_per_s=self.settings.robot_messages_per_s, bytes_per_s=self.settings.robot_bytes_per_s)
@@ -147,13 +143,13 @@ class Gateway:
             self._hooks(),
             clock=self.clock,
             quota=quota,
-            gate=self.identities.robots,
+            authenticator=self.identities.robots,
             limits=limits,
         )
-        self.commands = CommandDesk(self._send, clock=self.clock)
-        self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self._send, clock=self.clock)
-        self.talk = TalkDesk(self.registry.get, self.commands, self.talks, self._send, clock=self.clock)
-        self.fleet = FleetDesk(
+        self.commands = CommandDispatcher(self._send, clock=self.clock)
+        self.teleop = TeleopManager(self.registry.get, self.commands, self.leases, self._send, clock=self.clock)
+        self.talk = TalkManager(self.registry.get, self.commands, self.talks, self._send, clock=self.clock)
+        self.fleet = FleetManager(
             self.registry.get,
             self.commands,
             self.leases,
@@ -161,8 +157,8 @@ class Gateway:
             clock=self.clock,
             actuator_topics=self.settings.actuator_topics,
         )
-        self.ros = RosSide(self.registry.get, self.commands, self.fleet, self._send, clock=self.clock)
-        self.orders = OrderDesk(
+        self.ros = RosFeature(self.registry.get, self.commands, self.fleet, self._send, clock=self.clock)
+        self.command_manager = CommandManager(
             self.store,
             self.commands,
             self.fleet,
@@ -174,12 +170,12 @@ class Gateway:
             limits=limits,
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
-        self.twins.book.watch(self.events.on_twin)
+        self.twins.cache.watch(self.events.on_twin)
         self.failover = Failover(self.store, self.twins, self.links.send, clock=self.clock)
-        parts = (self.twins, self.registry.get, self.commands, self.fleet, self.orders)
+        parts = (self.twins, self.registry.get, self.commands, self.fleet, self.command_manager)
         self.nodes = Nodes(*parts, clock=self.clock, holder_of=self.failover.holder_of, emit=self._emit)
-        side, folder = robot_side(self.registry, self.links, self.commands), self.settings.data_dir / "incoming"
-        self.recordings = RecordingDesk(self.store, self.objects, folder, side, clock=self.clock, limits=limits)
+        side, folder = robot_link(self.registry, self.links, self.commands), self.settings.data_dir / "incoming"
+        self.recordings = RecordingManager(self.store, self.objects, folder, side, clock=self.clock, limits=limits)
         self.recordings.listen(self.events.on_recording)
 
     def _make_updates(self, master: MasterKey) -> None:
@@ -187,8 +183,8 @@ class Gateway:
         self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
         self.fetch_tokens = FetchTokens(self.store, clock=clock, enrolled_ns=self.identities.robots.enrolled_ns)
         self.presence = Presence(self.store, self._presence, clock=clock)
-        side = TwinSide(self.store, self.twins, self.presence, self._every_robot, self.updates.available)
-        self.rollouts = RolloutDesk(self.store, side, clock=clock, changed=self.events.on_rollout)
+        side = TwinBackend(self.store, self.twins, self.presence, self._every_robot, self.updates.available)
+        self.rollouts = RolloutManager(self.store, side, clock=clock, changed=self.events.on_rollout)
 
     def _make_operations(self) -> Operations:
         parts = Parts(
@@ -199,20 +195,15 @@ class Gateway:
             audit=self.audit,
             leases=self.leases,
             checks=self.checks,
-            reacting=self.reacting.measure,
-            clustering=self.clustering.measure,
+            automation=self.automation.measure,
+            cluster=self.cluster.measure,
         )
         return Operations(self.settings, parts, clock=self.clock)
 
-    @cached_property
-    def services(self) -> Services:
-        """Every feature behind a route or an RPC."""
-        return services_of(self)
-
     async def start(self) -> None:
-        """Know the robots of earlier days; start the store."""
-        within = self.reacting.within()
-        self.store.start(self._on_committed, self.links.refused, self.watching.watch.ahead, within)
+        """Load the stored robots; start the store."""
+        commit_hook = self.automation.commit_hook()
+        self.store.start(self._on_committed, self.links.refused, self.alerting.watch.ahead, commit_hook)
         await check_master(self.store, self._master, required=bool(self.settings.cluster))
         await self._check_binding()
         self.local_key.write()
@@ -220,19 +211,19 @@ class Gateway:
         await self._start_tls()
         await self.twins.start()
         await self.events.start()
-        await self.watching.start()
-        self.updates.shelf.clean()
+        await self.alerting.start()
+        self.updates.uploads.clean()
         await self.fetch_tokens.load()
         await self.tickets.load()
         await load_robots(self.store, self.registry)
-        await self.reacting.start(self)
-        self.clustering.start()
+        await self.automation.start(self)
+        self.cluster.start()
 
     async def _check_binding(self) -> None:
         if is_loopback(self.settings.host):
             return
         now_ns = self.clock.wall_ns()
-        known = self._guests or await self.store.read(lambda engine: can_sign_in(engine, now_ns=now_ns))
+        known = self._extra_authenticator or await self.store.read(lambda engine: can_sign_in(engine, now_ns=now_ns))
         check_binding(self.settings, somebody=known)
 
     async def _start_tls(self) -> None:
@@ -256,11 +247,18 @@ class Gateway:
             group.create_task(self.demand.run())
             for part in (self.recordings, self.twins, self.failover, self.updates, self.events, self.ros):
                 group.create_task(part.run())
-            for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit, self.operations):
-                group.create_task(desk.run())
-            group.create_task(self.watching.run())
-            group.create_task(self.reacting.run())
-            group.create_task(self.clustering.run())
+            for service in (
+                self.rollouts,
+                self.presence,
+                self.command_manager,
+                self.open_connections,
+                self.audit,
+                self.operations,
+            ):
+                group.create_task(service.run())
+            group.create_task(self.alerting.run())
+            group.create_task(self.automation.run())
+            group.create_task(self.cluster.run())
             group.create_task(self.identities.run(self.links.recheck))
 
     async def stop(self) -> None:
@@ -272,16 +270,16 @@ class Gateway:
         self.history.close()
         self.updates.close()
         await self.recordings.close()
-        await self.clustering.close()
+        await self.cluster.close()
         with contextlib.suppress(StoreError):
-            await self.reacting.close()
-            await self.watching.close()
+            await self.automation.close()
+            await self.alerting.close()
         with contextlib.suppress(StoreError):
             await self.twins.close()
             if self.store.shared:
                 await self.store.run(lambda engine: give_duties(engine, self.store.gateway_id))
             await self.presence.close()
-        await self.orders.close()
+        await self.command_manager.close()
         await self.events.close()
         await self.audit.close()
         await self.store.close()
@@ -291,7 +289,7 @@ class Gateway:
         """A robot as the API shows it."""
         now_s = self.clock.monotonic_s()
         lease = self.leases.holder_of(robot_id, now_s=now_s)
-        view = robot_view(self.registry.get(robot_id), lease, now_s=now_s, alerts=self.watching.describe(robot_id))
+        view = robot_view(self.registry.get(robot_id), lease, now_s=now_s, alerts=self.alerting.describe(robot_id))
         return {**view, "labels": self.twins.labels_of(robot_id)}
 
     def checks(self) -> dict[str, str]:
@@ -308,7 +306,7 @@ class Gateway:
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
             on_twin=lambda robot, report: self.twins.on_report(robot, report),
             on_leases=lambda robot, boot_ns: self.failover.on_answer(robot, boot_ns),
-            on_ros=lambda robot, frame: self.clustering.on_ros(robot, frame),
+            on_ros=lambda robot, frame: self.cluster.on_ros(robot, frame),
             fetch_token=lambda robot: self.fetch_tokens.make(robot),
         )
 
@@ -316,32 +314,32 @@ class Gateway:
         self.events.journal.emit(kind, robot, data)
 
     def _send(self, robot_id: str, frame: link_pb2.GatewayFrame) -> None:
-        self.clustering.send(robot_id, frame)
+        self.cluster.send(robot_id, frame)
 
     def _on_values(self, robot_id: str, values: dict[str, tuple[int, float]]) -> None:
         self.hub.values(robot_id, values)
-        self.clustering.on_values(robot_id, values)
+        self.cluster.on_values(robot_id, values)
 
     def _on_channels(self, robot_id: str) -> None:
         self.demand.channels_changed(robot_id)
-        self.clustering.on_channels(robot_id)
+        self.cluster.on_channels(robot_id)
 
     def _on_samples(self, run: Run) -> None:
         self.hub.publish(run)
-        self.clustering.on_samples(run)
+        self.cluster.on_samples(run)
         self.operations.on_samples(run)
 
     def _on_committed(self, done: Committed) -> None:
         self.links.committed(done)
         self.operations.on_committed(done)
-        self.watching.on_committed(done)
-        self.reacting.on_committed(done)
+        self.alerting.on_committed(done)
+        self.automation.on_committed(done)
 
     def _on_result(self, robot_id: str, result: link_pb2.CommandResult) -> None:
-        if self.clustering.on_result(robot_id, result):
+        if self.cluster.on_result(robot_id, result):
             return
         if result.running or not self.commands.on_result(robot_id, result):
-            self.orders.delivery.on_result(robot_id, result)
+            self.command_manager.delivery.on_result(robot_id, result)
 
     def _every_robot(self) -> list[str]:
         return [record.robot.id for record in self.registry.all()]
@@ -380,10 +378,10 @@ class Gateway:
         self.twins.on_online(robot_id, online)
         self.failover.on_online(robot_id, online)
         self.presence.on_online(robot_id)
-        self.watching.on_online(robot_id, online)
-        self.orders.delivery.on_online(robot_id, online)
+        self.alerting.on_online(robot_id, online)
+        self.command_manager.delivery.on_online(robot_id, online)
         self.demand.link_changed(robot_id)
-        self.clustering.on_online(robot_id, online)
+        self.cluster.on_online(robot_id, online)
 
     async def _tick(self) -> None:
         while True:

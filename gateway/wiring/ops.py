@@ -1,4 +1,4 @@
-"""What operators see of a gateway: metrics, followed samples, the report, and whether it is about to end.
+"""Wires operations: metrics, traced samples, the report, and whether the gateway is draining.
 
 Part of the wiring: it reads the living parts of all features, and belongs to none.
 """
@@ -13,21 +13,21 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.domain.sample import Run
 from gateway.errors import StoreError
 from gateway.identity.audit import AuditLog
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
 from gateway.ops.fleet_view import FleetView
-from gateway.ops.journey import Journey
 from gateway.ops.meters import Families, Meters
 from gateway.ops.otlp import OtlpQueue, open_exporter
 from gateway.ops.report import process_report, settings_report, task_kinds
+from gateway.ops.sample_trace import TracedSample
 from gateway.ops.traces import Traces
 from gateway.settings import Settings
 from gateway.store import Store
-from gateway.store.storage import StorageDesk
+from gateway.store.storage import StorageManager
 from gateway.store.writes import Committed, StreamWrite
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -41,17 +41,17 @@ _AT_ONCE: Final = 64  # robots that are read before others have their turn on th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The living parts that are looked at."""
+    """The parts of the gateway that are observed."""
 
     registry: Registry
     store: Store
-    storage: StorageDesk
+    storage: StorageManager
     hub: Hub
     audit: AuditLog
     leases: LeaseTable
     checks: Callable[[], dict[str, str]]
-    reacting: Callable[[Families], Awaitable[None]]
-    clustering: Callable[[Families], None]
+    automation: Callable[[Families], Awaitable[None]]
+    cluster: Callable[[Families], None]
 
 
 class Operations:
@@ -118,8 +118,8 @@ class Operations:
         found.put("metaros_leases", self._parts.leases.held(now_s=self._clock.monotonic_s()))
         await self._robots(found)
         self._store(found)
-        await parts.reacting(found)
-        parts.clustering(found)
+        await parts.automation(found)
+        parts.cluster(found)
         self._traces(found)
         return found
 
@@ -144,7 +144,7 @@ class Operations:
             "robots": {
                 "known": len(records),
                 "online": sum(record.here for record in records),
-                "elsewhere": sum(bool(record.home) for record in records),
+                "elsewhere": sum(bool(record.owner_gateway) for record in records),
             },
             "tasks": task_kinds(LIMITS.debug_tasks),
         }
@@ -154,13 +154,13 @@ class Operations:
         for position, record in enumerate(records):
             if position % _AT_ONCE == _AT_ONCE - 1:
                 await asyncio.sleep(0)
-            if record.told is not None:
-                view.add_elsewhere(record.counts, online=record.online)
+            if record.owner_counts is not None:
+                view.add_remote(record.counts, online=record.online)
                 continue
-            told = record.statistics
-            lag_s = record.lag_ns / 1e9 - told.link.clock_offset_ns / 1e9 if record.lag_ns is not None else None
-            view.add(record.robot.id, record.here, record.counts, lag_s, record.rtt_s, told.outbox_bytes)
-            view.lost((item.name, item.lost) for item in told.link.classes)
+            statistics = record.statistics
+            lag_s = record.lag_ns / 1e9 - statistics.link.clock_offset_ns / 1e9 if record.lag_ns is not None else None
+            view.add(record.robot.id, record.here, record.counts, lag_s, record.rtt_s, statistics.outbox_bytes)
+            view.lost((item.name, item.lost) for item in statistics.link.classes)
         await asyncio.to_thread(view.put, found)  # it sorts them all
 
     def _store(self, found: Families) -> None:
@@ -183,10 +183,10 @@ class Operations:
         found.put("metaros_traces_exported", exporting.exported if exporting is not None else 0)
         found.put("metaros_traces_lost", exporting.lost if exporting is not None else 0)
 
-    def _ended(self, journey: Journey) -> None:
-        self.meters.journey(journey)
+    def _ended(self, traced: TracedSample) -> None:
+        self.meters.traced(traced)
         if self._exporting is not None:
-            self._exporting.put(journey)
+            self._exporting.put(traced)
 
     async def _look(self) -> None:
         while True:

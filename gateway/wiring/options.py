@@ -1,14 +1,14 @@
-"""What the settings mean to the parts that know nothing of settings."""
+"""Options of the parts, derived from the settings."""
 
 from __future__ import annotations
 
-from gateway.api.rate import Rates
-from gateway.functions.feature import FunctionChoices
-from gateway.identity.desk import IdentityChoices
+from gateway.api.middleware.rate import Rates
+from gateway.automation.functions.service import FunctionOptions
+from gateway.identity.manager import IdentityChoices
 from gateway.settings import Settings
+from metaros.automation.functions.egress.rules import parse_bound
+from metaros.automation.functions.sandbox.level import Level
 from metaros.clock import Clock
-from metaros.functions.egress_rules import parse_bound
-from metaros.functions.sandbox.level import Level
 
 __all__ = ["function_choices", "identity_choices", "rates_of"]
 
@@ -37,9 +37,9 @@ def identity_choices(settings: Settings) -> IdentityChoices:
     )
 
 
-def function_choices(settings: Settings) -> FunctionChoices:
+def function_choices(settings: Settings) -> FunctionOptions:
     """Whether functions run here, and how."""
-    return FunctionChoices(
+    return FunctionOptions(
         on=settings.functions,
         require=Level[settings.sandbox_require],
         workers=settings.function_workers,

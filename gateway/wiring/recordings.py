@@ -1,23 +1,23 @@
-"""What recordings need of the link, made of the registry, the links and the desk of commands. Part of the wiring."""
+"""Wires recordings to the registry, the links and the command dispatcher."""
 
 from __future__ import annotations
 
 import contextlib
 
 from gateway.errors import RobotOfflineError
-from gateway.fleet.commands import CommandDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.history.recordings.manager import RobotLink
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
-from gateway.recordings.desk import RobotSide
 from metaros._proto import link_pb2
 
-__all__ = ["robot_side"]
+__all__ = ["robot_link"]
 
 
-def robot_side(registry: Registry, links: Links, commands: CommandDesk) -> RobotSide:
-    """How recordings ask robots, tell them, and know of them."""
+def robot_link(registry: Registry, links: Links, commands: CommandDispatcher) -> RobotLink:
+    """The interface of recordings to robots: requests, messages, and which are online."""
 
-    def tell(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:
+    def send(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:
         with contextlib.suppress(RobotOfflineError):
             frame = link_pb2.GatewayFrame(recording_wanted=wanted)
             links.send(robot_id, frame, lane=link_pb2.LANE_BACKFILL)
@@ -30,4 +30,4 @@ def robot_side(registry: Registry, links: Links, commands: CommandDesk) -> Robot
         record = registry.find(robot_id)
         return record is not None and record.here
 
-    return RobotSide(command=commands.run, tell=tell, online=online, clock_offset_ns=offset_ns)
+    return RobotLink(command=commands.run, send=send, online=online, clock_offset_ns=offset_ns)

@@ -1,5 +1,5 @@
-"""What functions on robots came to: their results, as they are stored, become calls in the record of functions and
-happenings that rules may match, in the transaction that stores them. On the store's writer thread.
+"""Results of functions on robots: as they are stored, they become invocations in the record of functions and
+events that rules may match, in the transaction that stores them. On the store's writer thread.
 
 What a robot says of itself is believed as far as it goes: it is that robot's, whatever the result claims.
 """
@@ -14,16 +14,16 @@ from typing import Any, Final
 
 import orjson
 
-from gateway.decoder import Decoder
-from gateway.domain.command import new_command_id
-from gateway.domain.happening import Happening
-from gateway.domain.invocation import ERROR, OK, ROBOT, TIMEOUT, Recorded
+from gateway.domain.automation.gateway_event import GatewayEvent
+from gateway.domain.automation.invocation import ERROR, OK, ROBOT, TIMEOUT, Recorded
+from gateway.domain.decoder import Decoder
+from gateway.domain.fleet.command import new_command_id
 from gateway.domain.sample import Sample
 from gateway.errors import StoreError
-from gateway.store.commit import Within
+from gateway.store.automation.gateway_events import add_gateway_events
+from gateway.store.automation.invocations import add_invocations
+from gateway.store.commit import CommitHook
 from gateway.store.engine import StoreEngine
-from gateway.store.happenings import add_happenings
-from gateway.store.invocations import add_invocations
 from gateway.store.writes import StreamWrite
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
@@ -37,13 +37,13 @@ TOPIC: Final = "/functions/results"
 STRING: Final = "std_msgs/msg/String"
 _LETTERS: Final = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _NAMES: Final = {key: re.compile(r"[\w-]{1,64}", re.ASCII) for key in ("id", "function", "status")}
-OnHappenings = Callable[[StoreEngine, Sequence[Happening], int], None]
+OnGatewayEvents = Callable[[StoreEngine, Sequence[GatewayEvent], int], None]
 
 
 class RobotResults:
-    """A Within around the one that judges samples: `inner` first, then the results among them."""
+    """A CommitHook around the one that judges samples: `inner` first, then the results among them."""
 
-    def __init__(self, inner: Within, judge: OnHappenings, gateway: str, *, limits: Limits = LIMITS) -> None:
+    def __init__(self, inner: CommitHook, judge: OnGatewayEvents, gateway: str, *, limits: Limits = LIMITS) -> None:
         """`judge` is told of results that are new."""
         self._inner, self._judge, self._gateway, self._limits = inner, judge, gateway, limits
         self._decoder = Decoder()
@@ -56,12 +56,12 @@ class RobotResults:
             return
         add_invocations(engine, [call for call, _ in found])
         try:
-            happenings = [happening for _, happening in found]
-            new = add_happenings(engine, happenings, gateway=self._gateway, now_ns=now_ns, limits=self._limits)
+            gateway_events = [gateway_event for _, gateway_event in found]
+            new = add_gateway_events(engine, gateway_events, gateway=self._gateway, now_ns=now_ns, limits=self._limits)
         except StoreError:
             raise
         except MetarosError as error:  # one is too large: the calls are recorded all the same
-            log.warning("results of functions on robots are no happenings: %s", error)
+            log.warning("results of functions on robots are no events: %s", error)
             return
         self._judge(engine, new, now_ns)
 
@@ -69,12 +69,12 @@ class RobotResults:
         """None of it happened."""
         self._inner.on_aborted()
 
-    def _read(self, write: StreamWrite, now_ns: int) -> Iterator[tuple[Recorded, Happening]]:
+    def _read(self, write: StreamWrite, now_ns: int) -> Iterator[tuple[Recorded, GatewayEvent]]:
         assert write.run is not None
         for sample in write.run.samples():
             document = self._document(sample)
             if document is not None:
-                yield _recorded(write.robot, document, now_ns), _happening(write.robot, document, sample.stamp_ns)
+                yield _recorded(write.robot, document, now_ns), _gateway_event(write.robot, document, sample.stamp_ns)
 
     def _document(self, sample: Sample) -> dict[str, Any] | None:
         """What a message says; None where it is sealed, too large, or no result."""
@@ -100,9 +100,9 @@ def _attempt(document: dict[str, Any]) -> str:
     return f"{document['id']}/{_number(document, 'attempt'):.0f}.{_number(document, 'losses'):.0f}"
 
 
-def _happening(robot: str, document: dict[str, Any], stamp_ns: int) -> Happening:
+def _gateway_event(robot: str, document: dict[str, Any], stamp_ns: int) -> GatewayEvent:
     data = {**document, "robot": robot}
-    return Happening(
+    return GatewayEvent(
         id=f"{robot}/{_attempt(document)}",
         type=FUNCTION_RESULT,
         source=SOURCE,

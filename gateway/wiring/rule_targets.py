@@ -1,4 +1,4 @@
-"""What rules do, tied to the desks that do it: part of the wiring, it belongs to no feature."""
+"""Wires the targets of rules to the features that carry them out."""
 
 from __future__ import annotations
 
@@ -6,31 +6,31 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from gateway.alerts.desk import AlertDesk
-from gateway.domain.command import Command
-from gateway.domain.delivery import Handler
+from gateway.alerting.alerts.manager import AlertManager
+from gateway.automation.rules.secrets import Secrets
+from gateway.automation.rules.targets.alert import AlertTarget
+from gateway.automation.rules.targets.aws import AwsTarget, aws_client
+from gateway.automation.rules.targets.capture import CaptureTarget
+from gateway.automation.rules.targets.command import CommandTarget, PublishTarget
+from gateway.automation.rules.targets.webhook import WebhookTarget
+from gateway.domain.automation.delivery import Handler
+from gateway.domain.fleet.command import Command
 from gateway.domain.principal import Principal
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.orders import Order, OrderDesk
-from gateway.recordings.desk import RecordingDesk
-from gateway.rules.secrets import Secrets
-from gateway.rules.targets.alert import AlertTarget
-from gateway.rules.targets.aws import AwsTarget, aws_client
-from gateway.rules.targets.capture import CaptureTarget
-from gateway.rules.targets.command import CommandTarget, PublishTarget
-from gateway.rules.targets.webhook import WebhookTarget
+from gateway.fleet.command_manager import CommandManager, NewCommand
+from gateway.fleet.manager import FleetManager
+from gateway.history.recordings.manager import RecordingManager
 from metaros.clock import Clock
 
-__all__ = ["RuleEnds", "RuleOrders"]
+__all__ = ["RuleCommands", "RuleTargets"]
 
 WAITS_BY_ITSELF = ("save_recording",)
 
 
-class RuleOrders:
-    """The desk of commands, as rules use it."""
+class RuleCommands:
+    """The command manager, as rules use it."""
 
-    def __init__(self, orders: OrderDesk, fleet: FleetDesk) -> None:
-        self._orders = orders
+    def __init__(self, command_manager: CommandManager, fleet: FleetManager) -> None:
+        self._command_manager = command_manager
         self._fleet = fleet
 
     async def send(
@@ -45,7 +45,7 @@ class RuleOrders:
         idempotency: str,
     ) -> Command:
         """Store a command and have it carried out; the same key is the same command."""
-        order = Order(
+        order = NewCommand(
             robot=robot,
             kind=kind,
             request=request,
@@ -53,11 +53,11 @@ class RuleOrders:
             expires_s=expires_s,
             idempotency=idempotency,
         )
-        return await self._orders.send(order, principal)
+        return await self._command_manager.send(order, principal)
 
     async def wait(self, command_id: str, wait_s: float) -> Command:
         """The command at its end, or as it is after so long."""
-        return await self._orders.wait(command_id, wait_s)
+        return await self._command_manager.wait(command_id, wait_s)
 
     def is_actuator(self, robot: str, topic: str) -> bool:
         """Whether what is published on a robot's topic, or asked of its service, moves it."""
@@ -68,23 +68,23 @@ class RuleOrders:
         return kind in WAITS_BY_ITSELF
 
 
-class RuleEnds:
+class RuleTargets:
     """`handlers` are the queue's, by kind; that of functions is not among them."""
 
     def __init__(
         self,
         secrets: Secrets,
-        orders: OrderDesk,
-        fleet: FleetDesk,
-        recordings: RecordingDesk,
-        alerts: AlertDesk,
+        command_manager: CommandManager,
+        fleet: FleetManager,
+        recordings: RecordingManager,
+        alerts: AlertManager,
         *,
         clock: Clock,
         private_hosts: Sequence[str] = (),
         aws_region: str = "",
         aws_endpoint: str = "",
     ) -> None:
-        sent = RuleOrders(orders, fleet)
+        sent = RuleCommands(command_manager, fleet)
         self._aws = AwsTarget(partial(aws_client, endpoint=aws_endpoint), region=aws_region)
         self.handlers: dict[str, Handler] = {
             "webhook": WebhookTarget(secrets, clock=clock, private_hosts=private_hosts),

@@ -1,4 +1,4 @@
-"""Robots of earlier days, as a gateway knows them from its start on."""
+"""Loads stored robots into the registry when the gateway starts."""
 
 from __future__ import annotations
 

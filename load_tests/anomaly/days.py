@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gateway.anomaly.judgement import Judge
+from gateway.alerting.anomaly.evaluator import Evaluator
 from gateway.domain.finding import Finding
 from load_tests.anomaly.feed import Feed
 from load_tests.anomaly.robots import Robots
@@ -32,14 +32,14 @@ GOAL = 0.5  # false alerts a robot-day
 def run(*, robots: int, hours: float, seed: int, verbose: bool = True) -> list[tuple[float, Finding]]:
     """What opened after the learning: seconds since the start, and the finding."""
     bodies = Robots(robots, rate_hz=1, rng=np.random.default_rng([seed, 4]), hour=7.5)
-    feed = Feed(Judge(), robots, rng=np.random.default_rng([seed, 5]))
+    feed = Feed(Evaluator(), robots, rng=np.random.default_rng([seed, 5]))
     found: list[tuple[float, Finding]] = []
-    told = time.monotonic()
+    reported = time.monotonic()
     for second in range(int(hours * 3600.0)):
         edges = feed.second(bodies.second(), float(second))
         found += [(float(second), edge.finding) for edge in edges if edge.change == "opened"]
-        if verbose and time.monotonic() - told > 5.0:
-            told = time.monotonic()
+        if verbose and time.monotonic() - reported > 5.0:
+            reported = time.monotonic()
             print(f"\r{second / 3600.0:5.1f} h of {robots} robots, {len(found)} findings  ", end="", file=sys.stderr)
     if verbose:
         print(f"\r{feed.rows / 1e6:.0f} million rows{' ' * 40}", file=sys.stderr)

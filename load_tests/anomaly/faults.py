@@ -2,7 +2,7 @@
 
     python -m load_tests.anomaly faults [--each 20] [--robots 45] [--hours 30] [--seed 77] [--quick]
 
-The same judge as the gateway's, with everything on as it comes. First every robot works for some hours in which the
+The same evaluator as the gateway's, with everything on as it comes. First every robot works for some hours in which the
 detectors learn; then each has its faults, one after the other, at 10 Hz metrics. A fault is found when something opens
 on what it touches while it lasts; its delay is until the call that told it. After that the days part (`days.py`).
 """
@@ -19,7 +19,7 @@ from typing import TextIO
 
 import numpy as np
 
-from gateway.anomaly.judgement import Judge
+from gateway.alerting.anomaly.evaluator import Evaluator
 from load_tests.anomaly import days
 from load_tests.anomaly.feed import Feed, robot_name
 from load_tests.anomaly.injected import KINDS, Fault, inject, plan
@@ -62,10 +62,10 @@ def run(
     """All faults, with when and by what they were found `until_s`; each is written to `log` when it is over."""
     rng = np.random.default_rng([seed, 1])
     bodies = Robots(robots, rate_hz=10, rng=np.random.default_rng([seed, 2]), hour=7.5)
-    feed = Feed(Judge(), robots, rng=np.random.default_rng([seed, 3]))
+    feed = Feed(Evaluator(), robots, rng=np.random.default_rng([seed, 3]))
     faults = plan(robots, each, learn_s=learn_s, rng=rng)
     waiting = {number: [fault for fault in faults if fault.robot == number] for number in range(robots)}
-    deviations, second, told = _Deviations(robots), 0, time.monotonic()
+    deviations, second, reported = _Deviations(robots), 0, time.monotonic()
     running: dict[int, Fault] = {}
     while second < until_s and (
         any(waiting.values()) or any(fault.found_s < 0.0 for fault in running.values())  # who may still be found
@@ -85,8 +85,8 @@ def run(
                 if log is not None:
                     print(_line(fault), file=log, flush=True)
         second += 1
-        if verbose and time.monotonic() - told > 5.0:
-            told = time.monotonic()
+        if verbose and time.monotonic() - reported > 5.0:
+            reported = time.monotonic()
             left = sum(map(len, waiting.values()))
             print(f"\r{second / 3600.0:5.1f} h of {robots} robots, {left} faults to come  ", end="", file=sys.stderr)
     if log is not None:

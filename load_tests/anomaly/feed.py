@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly.judgement import Judge
+from gateway.alerting.anomaly.evaluator import Evaluator
 from gateway.domain.finding import Edge
 from load_tests.anomaly.robots import FAST, FAST_TOPICS, HOST_TOPICS, RATES_HZ, SERIES, SLOW, Seconds
 
@@ -21,12 +21,12 @@ def robot_name(number: int) -> str:
 class Feed:
     """Puts seconds into a judge; counts rows."""
 
-    def __init__(self, judge: Judge, robots: int, *, rng: np.random.Generator) -> None:
-        self.judge, self.robots, self._rng, self.rows = judge, robots, rng, 0
+    def __init__(self, evaluator: Evaluator, robots: int, *, rng: np.random.Generator) -> None:
+        self.evaluator, self.robots, self._rng, self.rows = evaluator, robots, rng, 0
         for number in range(robots):
-            judge.robot(robot_name(number), cohort="simulated")
+            evaluator.robot(robot_name(number), cohort="simulated")
         named = [
-            [judge.slot(robot_name(n), series.name, topic=series.topic) for series in SERIES] for n in range(robots)
+            [evaluator.slot(robot_name(n), series.name, topic=series.topic) for series in SERIES] for n in range(robots)
         ]
         self._slots = np.array(named, np.int64)
         self._fast_topic = np.array([FAST_TOPICS.index(series.topic) for series in FAST])
@@ -45,12 +45,12 @@ class Feed:
         self._add(self._slots[robot, len(FAST) + place], np.full(len(robot), at_s + 0.5), seconds.slow[there])
         on = seconds.slow_there[:, 0]
         for number in np.flatnonzero(on).tolist():
-            self.judge.rates(
+            self.evaluator.rates(
                 robot_name(number), dict(zip(RATES_HZ, seconds.rates_hz[number].tolist(), strict=True)), at_s + 0.6
             )
-            self.judge.heard(robot_name(number), at_s + 1.0)
-        return self.judge.tick(at_s + 1.0)
+            self.evaluator.heartbeat(robot_name(number), at_s + 1.0)
+        return self.evaluator.tick(at_s + 1.0)
 
     def _add(self, slots: np.ndarray, stamps_s: np.ndarray, values: np.ndarray) -> None:
         self.rows += len(slots)
-        self.judge.samples(slots, stamps_s, values)
+        self.evaluator.samples(slots, stamps_s, values)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.anomaly.columns import Floats
+from gateway.alerting.anomaly.detectors.columns import Floats
 from load_tests.anomaly.robots import FAST, FAST_TOPICS, PLACE, RATES_HZ, SERIES, Robots, Seconds
 
 __all__ = ["KINDS", "Fault", "FaultKind", "inject", "plan"]

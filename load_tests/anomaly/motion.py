@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.columns import Bools, Floats
+from gateway.alerting.anomaly.detectors.columns import Bools, Floats
 
 __all__ = ["DAY_S", "Motion", "Motions"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.anomaly.parameters import THRESHOLD, BankConfig
+from gateway.alerting.anomaly.parameters import THRESHOLD, BankConfig
 from load_tests.anomaly.nab_files import FilesError, Series, read_folder
 from load_tests.anomaly.nab_scorer import PROFILES, Profile, Result, label, optimal, result_at
 from load_tests.anomaly.nab_tune import CANDIDATES, FOLDS, TUNED, Fold, candidates, cross_validate, score_all

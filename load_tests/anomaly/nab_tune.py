@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.anomaly.parameters import BankConfig
-from gateway.anomaly.stream import Stream
+from gateway.alerting.anomaly.detectors.stream import Stream
+from gateway.alerting.anomaly.parameters import BankConfig
 from load_tests.anomaly.nab_files import Series
 from load_tests.anomaly.nab_scorer import PROFILES, Result, joined, label, optimal, result_at
 

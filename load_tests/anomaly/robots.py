@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.columns import Bools, Floats
+from gateway.alerting.anomaly.detectors.columns import Bools, Floats
 from load_tests.anomaly.motion import DAY_S, TRACK_M, Motion, Motions
 
 __all__ = ["FAST", "HOST_TOPICS", "RATES_HZ", "SERIES", "SLOW", "Robots", "Seconds", "Series"]

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from gateway.anomaly.bank import PAGE_ROWS, Bank
-from gateway.anomaly.judgement import Judge
+from gateway.alerting.anomaly.detectors.bank import PAGE_ROWS, Bank
+from gateway.alerting.anomaly.evaluator import Evaluator
 from load_tests.anomaly.table import table
 from load_tests.figures import note
 from load_tests.peers.venvs import HomeFailed, python_of
@@ -104,7 +104,7 @@ class Judged:
 
     def __init__(self, series: int, *, warm_s: int) -> None:
         self.figures, before = Figures(), resident_bytes()
-        self._judge, self._signals, self._now_s = Judge(), Signals(series), START_S
+        self._evaluator, self._signals, self._now_s = Evaluator(), Signals(series), START_S
         self._slots = np.array([self._slot(number) for number in range(series)])
         for _ in range(warm_s):
             self._tick()
@@ -113,16 +113,16 @@ class Judged:
     def _slot(self, number: int) -> int:
         robot, metric = divmod(number, PER_ROBOT)
         if not metric:
-            self._judge.robot(f"robot_{robot}", "carrier")
+            self._evaluator.robot(f"robot_{robot}", "carrier")
         topic = f"/robot_{robot}/topic_{metric // 4}"
-        return self._judge.slot(f"robot_{robot}", f"topic_{metric // 4}.field_{metric % 4}", topic)
+        return self._evaluator.slot(f"robot_{robot}", f"topic_{metric // 4}.field_{metric % 4}", topic)
 
     def _tick(self) -> float:
         self._now_s += 1.0
         values, stamps = self._signals.at(self._now_s), np.full(len(self._slots), self._now_s)
         started = time.thread_time()
-        self._judge.samples(self._slots, stamps, values)
-        self._judge.tick(self._now_s)
+        self._evaluator.samples(self._slots, stamps, values)
+        self._evaluator.tick(self._now_s)
         return time.thread_time() - started
 
     def round(self, ticks: int) -> None:
@@ -163,30 +163,30 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--warm-s", type=int, default=300, help="seconds that everything runs before the rounds")
     options = parser.parse_args(argv)
     trees = _trees()
-    bank, judge = Banked(options.series), Judged(options.series, warm_s=options.warm_s)
+    bank, evaluator = Banked(options.series), Judged(options.series, warm_s=options.warm_s)
     for _ in range(options.rounds):
         bank.round(options.ticks)
-        judge.round(options.ticks)
+        evaluator.round(options.ticks)
         if trees:
             trees.round(TREE_SAMPLES)
     if trees:
         trees.close()
-    _show(options, bank.figures, judge.figures, trees.figures if trees else Figures())
+    _show(options, bank.figures, evaluator.figures, trees.figures if trees else Figures())
     return 0
 
 
-def _show(options: argparse.Namespace, bank: Figures, judge: Figures, trees: Figures) -> None:
+def _show(options: argparse.Namespace, bank: Figures, evaluator: Figures, trees: Figures) -> None:
     print(f"{options.series:,} series, a sample a second each; medians of {options.rounds} interleaved rounds\n")
     note("a sample, detectors", bank.each_us, peer=trees.each_us)
-    note("a sample, everything", judge.each_us, peer=trees.each_us)
-    note("a series, everything", [judge.kib])
+    note("a sample, everything", evaluator.each_us, peer=trees.each_us)
+    note("a series, everything", [evaluator.kib])
     names = ("", "µs a sample", "of a core at 10,000 Hz", "KiB a series", "longest call, ms")
-    rows = [bank.row("detectors (Bank)"), judge.row("everything (Judge)"), trees.row("river HalfSpaceTrees")]
+    rows = [bank.row("detectors (Bank)"), evaluator.row("everything (Judge)"), trees.row("river HalfSpaceTrees")]
     print(table(names, rows))
     print(f"\nThe longest call is one page of {PAGE_ROWS} series. Memory is what the process grew by.")
     if trees.each_us:
         each = statistics.median(trees.each_us)
-        ratios = (each / statistics.median(one.each_us) for one in (bank, judge))
+        ratios = (each / statistics.median(one.each_us) for one in (bank, evaluator))
         print("River's trees take {:.1f} times as long as the detectors, {:.1f} times as everything.".format(*ratios))
 
 

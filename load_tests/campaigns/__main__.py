@@ -46,7 +46,7 @@ def main(argv: list[str]) -> int:
     codes = {}
     for name in names or CAMPAIGNS:
         print(f"\n{name}: {CAMPAIGNS[name]}\n", flush=True)
-        codes[name] = importlib.import_module(f"load_tests.campaign_{name}").main(options)
+        codes[name] = importlib.import_module(f"load_tests.campaigns.{name}").main(options)
     failed = [name for name, code in codes.items() if code]
     print(f"\nfailed: {', '.join(failed)}" if failed else "\nall promises kept", flush=True)
     return int(bool(failed))

@@ -10,7 +10,7 @@ import asyncio
 import tempfile
 from pathlib import Path
 
-from tests.security.test_schemathesis import WHO, tried
+from tests.security.permissions.test_schemathesis import WHO, tried
 
 __all__ = ["main"]
 

@@ -1,7 +1,7 @@
 """Simulated worlds of the delivery contract by their seeds: agent, link, gateway and store in memory.
 
-python -m load_tests.campaign_sim --seeds 7 8 9         just these; a failure is shown in full
-python -m load_tests.campaign_sim --kind clone --seeds 7  with clones (or restore, wipe, rollback, rot)
+python -m load_tests.campaigns.delivery_simulation --seeds 7 8 9         just these; a failure is shown in full
+python -m load_tests.campaigns.delivery_simulation --kind clone --seeds 7  with clones (or restore, wipe, rollback, rot)
 
 `make campaign ARGS=simulator` runs tens of thousands of them.
 """
@@ -12,7 +12,7 @@ import argparse
 import sys
 from collections.abc import Collection, Iterable
 
-from tests.support.link_sim import KINDS, World, run_world
+from tests.support.simulation.link_sim import KINDS, LinkSimulation, run_simulation
 
 __all__ = ["Failure", "main", "run"]
 
@@ -24,7 +24,7 @@ def run(seeds: Iterable[int], *, kinds: Collection[str] | None = None) -> list[F
     failures: list[Failure] = []
     for seed in seeds:
         try:
-            run_world(seed, kinds=kinds)
+            run_simulation(seed, kinds=kinds)
         except Exception as error:  # whatever it is, the seed is what matters
             failures.append((seed, f"{type(error).__name__}: {error}"))
     return failures
@@ -37,8 +37,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--kind", action="append", choices=sorted(KINDS), help="of mishap; default: as the seed says")
     options = parser.parse_args(argv)
     for seed in options.seeds:
-        print(f"seed {seed}: {', '.join(sorted(World(seed, kinds=options.kind).kinds)) or 'plain'}", flush=True)
-        run_world(seed, kinds=options.kind)
+        print(
+            f"seed {seed}: {', '.join(sorted(LinkSimulation(seed, kinds=options.kind).kinds)) or 'plain'}", flush=True
+        )
+        run_simulation(seed, kinds=options.kind)
     return 0
 
 

@@ -6,7 +6,7 @@ every fourth cycle and in the last one the robot or the gateway is killed meanwh
 written. With `--together` both sides have such a disk, and their cycles take turns.
 Needs Linux with user namespaces; runs as any user.
 
-    python -m load_tests.campaign disks [--cycles 20] [--together] [--seed N]
+    python -m load_tests.campaigns disks [--cycles 20] [--together] [--seed N]
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from load_tests.campaign_inside import result, run_parts
+from load_tests.campaigns.namespaces import result, run_parts
 from metaros.clock import system_rng
-from tests.support.load_robot_stack import LoadStack
-from tests.support.netns import run, why_not
+from tests.support.processes.netns import run, why_not
+from tests.support.robots.load_robot_stack import LoadStack
 
 __all__ = ["Filler", "main"]
 
@@ -177,7 +177,7 @@ def main(argv: list[str] | None = None) -> int:
     print(HEAD, flush=True)
     own = ["--cycles", str(options.cycles), "--seed", str(seed)]
     parts = [",".join(DISK_BYTES)] if options.together else list(DISK_BYTES)
-    return run_parts("load_tests.campaign_disks", parts, own, parallel=2, show=show)
+    return run_parts("load_tests.campaigns.disks", parts, own, parallel=2, show=show)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Events for a function while its gateway and its workers are killed: none is lost, few run twice.
 
-    python -m load_tests.campaign functions [--events 10000] [--kills 20] [--seed N] [--engines sqlite,postgres]
+    python -m load_tests.campaigns functions [--events 10000] [--kills 20] [--seed N] [--engines sqlite,postgres]
 
 Clients hand events to a real gateway until it has said 202 to each. All the while, at random moments, SIGKILL ends the
 gateway (which is started again) or one of its workers. The function tells a counter outside of its sandbox each event
@@ -31,8 +31,8 @@ import psutil
 
 from gateway.store.engines import open_engine
 from metaros.clock import system_rng
-from tests.support.postgres import PostgresServer
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 __all__ = ["Figures", "main", "run"]
@@ -248,7 +248,7 @@ def _break(
 
 def main(argv: Sequence[str] = ()) -> int:
     """Run on each database; 1 when an event was lost, or too many ran twice."""
-    parser = argparse.ArgumentParser(prog="python -m load_tests.campaign functions")
+    parser = argparse.ArgumentParser(prog="python -m load_tests.campaigns functions")
     parser.add_argument("--events", type=int, default=10_000)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int)

@@ -21,7 +21,7 @@ from pathlib import Path
 from metaros.clock import system_rng
 from tests.security.fuzz.mutate import mutated
 from tests.security.fuzz.target import MIB, Target
-from tests.security.targets import TARGETS
+from tests.security.fuzz.targets import TARGETS
 
 __all__ = ["main"]
 
@@ -55,7 +55,7 @@ def _options(argv: list[str]) -> argparse.Namespace:
 
 def _outside(name: str, minutes: float) -> bool:
     """One target in its own process; whether something was found."""
-    command = [sys.executable, "-m", "load_tests.campaign_fuzz", "--inside", name, "--minutes", str(minutes)]
+    command = [sys.executable, "-m", "load_tests.campaigns.fuzz", "--inside", name, "--minutes", str(minutes)]
     try:
         ended = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60 * minutes + 120)
         code, output = ended.returncode, ended.stdout + ended.stderr

@@ -5,7 +5,7 @@ retention deletes the oldest bulk messages at once. Meanwhile somebody exports. 
 gateway started once more: what it exports must be what its database and its segments hold, and those are compared with
 the robot's journal. Of what retention deletes, only the oldest may be gone, without a hole.
 
-    python -m load_tests.campaign history [--postgres] [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
+    python -m load_tests.campaigns history [--postgres] [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from urllib.parse import urlencode
 
 from mcap.reader import make_reader
 
-from gateway.objects import DirectoryStore
-from gateway.store.check import check as store_check
 from gateway.store.engines import open_engine
+from gateway.store.integrity.check import check as store_check
 from gateway.store.ledger import LEASE_S, in_transaction, sweep_objects
-from load_tests.campaign_kills import parser, run_legs
+from gateway.store.objects import DirectoryStore
+from load_tests.campaigns.kills import parser, run_legs
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
 from metaros.link import CHANNEL_MASK
-from tests.support.checker import Stored, Verdict, check, read_rows
-from tests.support.load_robot_stack import LoadStack
-from tests.support.postgres import PostgresServer
+from tests.support.robots.checker import Stored, Verdict, check, read_rows
+from tests.support.robots.load_robot_stack import LoadStack
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 __all__ = ["HistoryStack", "main"]

@@ -4,7 +4,7 @@ Cycles run in legs, each with its own folder, processes and seed; after a leg ev
 compared: the store's rows and gaps, the robot's journal of what it accepted, and the outbox's own last numbers. A leg
 that fails keeps its folder and prints the command that repeats it.
 
-    python -m load_tests.campaign kills [--cycles 1000] [--leg 100] [--tick-ms 5] [--seed N] [--keep]
+    python -m load_tests.campaigns kills [--cycles 1000] [--leg 100] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from pathlib import Path
 from random import Random
 
 from metaros.clock import system_rng
-from tests.support.checker import Verdict
-from tests.support.load_robot_stack import LoadStack
+from tests.support.robots.checker import Verdict
+from tests.support.robots.load_robot_stack import LoadStack
 
 __all__ = ["ACTS", "main", "run_legs"]
 

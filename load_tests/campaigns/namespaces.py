@@ -8,8 +8,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tests.support.checker import Verdict
-from tests.support.netns import INSIDE
+from tests.support.processes.netns import INSIDE
+from tests.support.robots.checker import Verdict
 
 __all__ = ["Show", "result", "run_parts"]
 

@@ -6,7 +6,7 @@ acknowledges again. What can go wrong in several ways, as one direction or the o
 everything is drained and compared, as in `kills`.
 Needs Linux with user namespaces, nftables and iproute2; runs as any user.
 
-    python -m load_tests.campaign partitions [--kinds cut,loss] [--cycles 50] [--together] [--seed N]
+    python -m load_tests.campaigns partitions [--kinds cut,loss] [--cycles 50] [--together] [--seed N]
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from load_tests.campaign_inside import result, run_parts
+from load_tests.campaigns.namespaces import result, run_parts
 from metaros.clock import system_rng
-from tests.support.load_robot_stack import LoadStack
-from tests.support.netns import HERE, Wire, why_not
+from tests.support.processes.netns import HERE, Wire, why_not
+from tests.support.robots.load_robot_stack import LoadStack
 
 __all__ = ["KINDS", "main"]
 
@@ -153,7 +153,7 @@ def main(argv: list[str] | None = None) -> int:
     print(f"partitions: {options.cycles} cycles each, seed {seed}; goal: back within {RESUME_S:g} s of the healing")
     print(HEAD, flush=True)
     own = ["--cycles", str(options.cycles), "--seed", str(seed), "--explain", str(options.explain)]
-    module = "load_tests.campaign_partitions"
+    module = "load_tests.campaigns.partitions"
     parts = [options.kinds] if options.together else options.kinds.split(",")
     return run_parts(module, parts, own, parallel=options.parallel, show=show)
 

@@ -1,6 +1,6 @@
 """The campaign of kills on PostgreSQL, which is itself killed with `kill -9` and stopped under load.
 
-python -m load_tests.campaign postgres [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
+python -m load_tests.campaigns postgres [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from functools import partial
 from pathlib import Path
 from random import Random
 
-from load_tests.campaign_kills import ACTS, break_one, parser, run_legs
-from tests.support.checker import Stored, read_rows
-from tests.support.load_robot_stack import LoadStack
-from tests.support.postgres import PostgresServer, postgres_binaries
+from load_tests.campaigns.kills import ACTS, break_one, parser, run_legs
+from tests.support.robots.checker import Stored, read_rows
+from tests.support.robots.load_robot_stack import LoadStack
+from tests.support.servers.postgres import PostgresServer, postgres_binaries
 
 __all__ = ["PostgresStack", "main"]
 

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from metaros.clock import system_rng
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 __all__ = ["main"]

@@ -1,6 +1,6 @@
 """Three replicas of the gateway on one PostgreSQL, one of them killed again and again under load.
 
-    python -m load_tests.campaign replicas [--kills 30] [--robots 6] [--seed N]
+    python -m load_tests.campaigns replicas [--kills 30] [--robots 6] [--seed N]
 
 Robots feed samples without a pause, each to one replica; a page watches all of them. Again and again SIGKILL ends the
 replica that a die names, and it is started again. At the end the store has each accepted sample once, each schedule
@@ -20,11 +20,11 @@ from pathlib import Path
 from random import Random
 
 from metaros.clock import system_rng
-from tests.support.postgres import PostgresServer
-from tests.support.replica_schedules import alerts, fired, schedule, wait_for_all
-from tests.support.replicas import Fleet, Replicas, fleet
-from tests.support.stack import Stack
-from tests.support.uplinks import wait
+from tests.support.gateways.replica_schedules import alerts, fired, schedule, wait_for_all
+from tests.support.gateways.replicas import Fleet, Replicas, fleet
+from tests.support.processes.stack import Stack
+from tests.support.robots.uplinks import wait
+from tests.support.servers.postgres import PostgresServer
 
 __all__ = ["Figures", "main", "run"]
 

@@ -1,6 +1,6 @@
 """Tens of thousands of seeded worlds of the link's two halves, in memory: ten times what the test suite runs.
 
-python -m load_tests.campaign simulator [--seeds 50000] [--first N]
+python -m load_tests.campaigns simulator [--seeds 50000] [--first N]
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 import time
 
 from metaros.clock import system_rng
-from tests.support.link_sim import run_world
+from tests.support.simulation.link_sim import run_simulation
 
 __all__ = ["main"]
 
@@ -22,7 +22,7 @@ SHOWN = 10
 def run_seed(seed: int) -> tuple[int, str]:
     """A world; what was wrong with it, or nothing."""
     try:
-        run_world(seed)
+        run_simulation(seed)
     except Exception as error:  # whatever it is, the seed is what counts
         return seed, f"{type(error).__name__}: {error}"
     return seed, ""

@@ -20,7 +20,7 @@ from pathlib import Path
 
 __all__ = ["main"]
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / ".make" / "steady"
 BUSY_PROCESSES = 2
 

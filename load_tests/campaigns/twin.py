@@ -2,8 +2,8 @@
 
 Each world has four robots and so many edits, made at once in bursts, with cut, delayed and repeated frames, agents and
 gateways killed, systems started again, full disks, nodes that jam the link and nodes that a robot refuses among them.
-Gateway, store and agents' parts are the real ones (tests/support/twin_world.py). A world fails where an edit is lost
-or comes twice, a robot keeps what nobody confirmed or goes back behind it, or does not end as it is to be.
+Gateway, store and agents' parts are the real ones (tests/support/robots/twin_testbed.py). A world fails where an edit
+is lost or comes twice, a robot keeps what nobody confirmed or goes back behind it, or does not end as it is to be.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from collections import Counter
 from pathlib import Path
 
 from metaros.clock import system_rng
-from tests.support.hurried import HurriedLoop
-from tests.support.twin_edits import Edits
+from tests.support.processes.fast_loop import HurriedLoop
+from tests.support.robots.twin_edits import Edits
 
 __all__ = ["main"]
 
@@ -58,15 +58,15 @@ def main(argv: list[str] | None = None) -> int:
             with tempfile.TemporaryDirectory() as folder:
                 found = loop.run_until_complete(live(Path(folder), seed + number, options.edits))
             total += found
-            told = ", ".join(f"{count} {kind}" for kind, count in sorted(found.items()))
-            print(f"seed {seed + number}: {told}; {time.monotonic() - began:.1f} s", flush=True)
+            reported = ", ".join(f"{count} {kind}" for kind, count in sorted(found.items()))
+            print(f"seed {seed + number}: {reported}; {time.monotonic() - began:.1f} s", flush=True)
         except (AssertionError, TimeoutError, ExceptionGroup) as error:
             failed += 1
             print(f"seed {seed + number}: FAILED: {error!r}", flush=True)
         finally:
             loop.close()
-    told = ", ".join(f"{count} {kind}" for kind, count in sorted(total.items()))
-    print(f"{'FAIL' if failed else 'PASS'}: {failed} of {options.worlds} worlds failed; {told}", flush=True)
+    reported = ", ".join(f"{count} {kind}" for kind, count in sorted(total.items()))
+    print(f"{'FAIL' if failed else 'PASS'}: {failed} of {options.worlds} worlds failed; {reported}", flush=True)
     return int(bool(failed))
 
 

@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 
-from gateway.api.ws.outlet import BINARY, TEXT, frame
+from gateway.api.ws.writer import BINARY, TEXT, frame
 from gateway.domain.records import HEADER, record_bytes
 from load_tests.fanout.load import SETTLE_S, Load, due_of, read_load
 

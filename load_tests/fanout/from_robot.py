@@ -27,7 +27,7 @@ ROSBRIDGE_US = {(1000, 10): 49.0, (100, 100): 55.0}
 SDK_CORES = {False: 0.52, True: 0.61}
 SDK_RATE, SDK_VIEWERS = 2000, 100
 KINDS: dict[str, Callable[[int], Viewer]] = {
-    "rosbridge door": functools.partial(RosbridgeViewer, size=SIZE),
+    "rosbridge endpoint": functools.partial(RosbridgeViewer, size=SIZE),
     "stream, JSON": functools.partial(JsonViewer, size=SIZE),
 }
 

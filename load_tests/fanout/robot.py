@@ -17,12 +17,12 @@ import sys
 import time
 from pathlib import Path
 
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from edge_agent.outbox import Outbox
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import TopicRule, TopicTable
 from load_tests.fanout.load import SETTLE_S, STEP_S, Load, due_of, read_load
 from metaros.idl import type_hash
-from tests.support.load_robot import TOPICS, LoadRobot, RobotConfig
+from tests.support.robots.load_robot import TOPICS, LoadRobot, RobotConfig
 from tests.support.waiting import wait_until_async
 
 __all__ = ["ROBOT", "TEXT_TOPIC", "main"]
@@ -87,7 +87,7 @@ def main(argv: list[str]) -> int:
     """Be the robot."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="for the agent's files")
-    parser.add_argument("port", type=int, help="of the gateway's door for robots")
+    parser.add_argument("port", type=int, help="of the gateway's endpoint for robots")
     parser.add_argument("--core", type=int, help="the one CPU that it runs on")
     options = parser.parse_args(argv)
     if options.core is not None:

@@ -23,14 +23,14 @@ from typing import Any
 import numpy as np
 
 from gateway import main as gateway_main
-from gateway.app import Gateway
 from gateway.domain.channel import Channel
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Run
-from gateway.heap import settle_heap
 from gateway.ingest.registry import RobotRecord
 from gateway.main import Ready, new_event_loop, serve
+from gateway.server.garbage_collector import tune_garbage_collector
 from gateway.settings import Settings
+from gateway.wiring.gateway import Gateway
 from load_tests.fanout.load import SETTLE_S, STEP_S, TOPIC, Load, due_of, read_load
 from metaros.idl import schema_text, type_hash
 from metaros.link import SampleColumns
@@ -71,7 +71,7 @@ async def _gateway(options: argparse.Namespace) -> None:
         if task.done():
             task.result()  # tells why
         ready: Ready = up.result()
-        settle_heap()  # as `metaros gateway` does
+        tune_garbage_collector()  # as `metaros gateway` does
         _Kept.made.registry.add(RobotRecord(Robot(id=ROBOT), seen_ns=1))
         print(ready.http_port, ready.grpc_port, flush=True)
         while (load := await asyncio.to_thread(read_load)) is not None:

@@ -35,18 +35,18 @@ async def bulk(
     options = (*setting.gateway_options, "--robot-bytes-per-s", str(quota_bytes_per_s))
     chosen = Setting(**{**{name: getattr(setting, name) for name in setting.__slots__}, "gateway_options": options})
     async with running(chosen, figures) as run:
-        await run.crowd.join([load] * honest, per_s=100.0)
-        await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join([load] * honest, per_s=100.0)
+        await run.simulator.all_up(timeout_s=UP_S)
         await asyncio.sleep(2.0)
         acks = _listen(run)
         await _phase(run, figures, acks, "alone", seconds)
         run.mark("heavy ones")
-        await run.crowd.join([heavy_load] * heavy, per_s=50.0, prefix="heavy")
-        await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join([heavy_load] * heavy, per_s=50.0, prefix="heavy")
+        await run.simulator.all_up(timeout_s=UP_S)
         await asyncio.sleep(2.0)
         await _phase(run, figures, acks, "beside_heavy", seconds)
         run.mark("heavy ones away")
-        for robot in run.crowd.robots[honest:]:
+        for robot in run.simulator.robots[honest:]:
             robot.cut(for_s=outage_s)
         await asyncio.sleep(outage_s)
         run.mark("back with what piled up")
@@ -66,18 +66,18 @@ async def bulk(
 def _listen(run: Run) -> dict[bool, Histogram]:
     """Latencies of acknowledgements, of the heavy robots and of the others."""
     found = {True: Histogram(), False: Histogram()}
-    run.crowd.on_stored = lambda robot, seconds: found[robot.name.startswith("heavy")].add(seconds)
+    run.simulator.on_stored = lambda robot, seconds: found[robot.name.startswith("heavy")].add(seconds)
     return found
 
 
 async def _phase(run: Run, figures: dict[str, Any], acks: dict[bool, Histogram], name: str, seconds: float) -> None:
     fresh(run)
     acks[True], acks[False] = Histogram(), Histogram()
-    from_s, stored = run.now_s, run.crowd.counts.stored
+    from_s, stored = run.now_s, run.simulator.counts.stored
     await asyncio.sleep(seconds)
     figures[name] = {
         **gateway_figures(run, from_s, run.now_s),
         "ack_ms": acks[False].summary_ms(),
         "heavy_ack_ms": acks[True].summary_ms(),
-        "frames_stored_per_s": (run.crowd.counts.stored - stored) / (run.now_s - from_s),
+        "frames_stored_per_s": (run.simulator.counts.stored - stored) / (run.now_s - from_s),
     }

@@ -33,23 +33,23 @@ async def chaos(
     robots = idle + active
     figures |= {"robots": robots, "load": load.describe(), "acts": acts, "seed": setting.seed}
     async with running(setting, figures) as run:
-        await run.crowd.join(interleave(idle, active, load), per_s=100.0)
-        await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join(interleave(idle, active, load), per_s=100.0)
+        await run.simulator.all_up(timeout_s=UP_S)
         fresh(run)
         from_s, done, back_s = run.now_s, Counter[str](), []
         names, weights = [name for name, _ in ACTS], [weight for _, weight in ACTS]
         for _ in range(acts):
-            act = run.crowd.rng.choices(names, weights)[0]
+            act = run.simulator.rng.choices(names, weights)[0]
             done[act] += 1
             run.mark(act)
             began_s = run.now_s
             await _act(run, act)
-            if await run.crowd.all_up(timeout_s=BACK_S):
+            if await run.simulator.all_up(timeout_s=BACK_S):
                 back_s.append(run.now_s - began_s)
             else:
-                run.faults.append(f"after {act} {robots - run.crowd.counts.up} links stayed away")
+                run.faults.append(f"after {act} {robots - run.simulator.counts.up} links stayed away")
             figures |= {"done": dict(done), "back_s": [round(value, 2) for value in back_s]}
-            await asyncio.sleep(pause_s * (0.5 + run.crowd.rng.random()))
+            await asyncio.sleep(pause_s * (0.5 + run.simulator.rng.random()))
         figures |= gateway_figures(run, from_s, run.now_s)
         await conclude(run, figures)
     figures["goals"] = [
@@ -61,7 +61,7 @@ async def chaos(
 
 
 async def _act(run: Run, act: str) -> None:
-    rng = run.crowd.rng
+    rng = run.simulator.rng
     if act == "kill the gateway":
         await asyncio.to_thread(run.gateway.kill, signal.SIGKILL)
         await asyncio.sleep(rng.random())
@@ -74,6 +74,7 @@ async def _act(run: Run, act: str) -> None:
         await asyncio.sleep(0.5 + 2.5 * rng.random())
         run.gateway.kill(signal.SIGCONT)
     else:
-        some = run.crowd.robots if act == "cut all" else rng.sample(run.crowd.robots, len(run.crowd.robots) // 5)
+        robots = run.simulator.robots
+        some = robots if act == "cut all" else rng.sample(robots, len(robots) // 5)
         for robot in some:
             robot.cut(for_s=rng.random() * 2)

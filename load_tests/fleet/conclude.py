@@ -31,7 +31,7 @@ def interleave(idle: int, active: int, load: Load) -> list[Load]:
 
 def fresh(run: Run) -> None:
     """Forget the latencies so far: what follows is another phase."""
-    counts = run.crowd.counts
+    counts = run.simulator.counts
     counts.take_recent()
     counts.ack_s, counts.beat_s = Histogram(), Histogram()
     run.answers_s, run.late_s = Histogram(), Histogram()
@@ -40,7 +40,7 @@ def fresh(run: Run) -> None:
 def gateway_figures(run: Run, from_s: float, to_s: float) -> dict[str, Any]:
     """What the gateway took in a span of the run, and how quick it was."""
     cores, frames = run.mean("gateway_cores", from_s, to_s), run.mean("frames_per_s", from_s, to_s)
-    counts = run.crowd.counts
+    counts = run.simulator.counts
     counts.take_recent()
     return {
         "span_s": [round(from_s, 2), round(to_s, 2)],
@@ -64,8 +64,8 @@ def gateway_figures(run: Run, from_s: float, to_s: float) -> dict[str, Any]:
 
 async def conclude(run: Run, figures: dict[str, Any]) -> None:
     """No more load, until all that is held is acknowledged; then the store is compared with what was handed over."""
-    counts = run.crowd.counts
-    figures["settled"] = await run.crowd.settle(timeout_s=SETTLE_S)
+    counts = run.simulator.counts
+    figures["settled"] = await run.simulator.settle(timeout_s=SETTLE_S)
     figures |= {
         "link_up_ms": counts.up_s.summary_ms(),
         "refusals": dict(counts.goodbyes),
@@ -78,7 +78,7 @@ async def conclude(run: Run, figures: dict[str, Any]) -> None:
     if run.setting.store_url:  # PostgreSQL: the check of stores looks at it
         figures["checked"] = "not here: metaros gateway store check"
         return
-    verdict = await asyncio.to_thread(verify, run.gateway.data_dir / "gateway.sqlite", run.crowd.robots)
+    verdict = await asyncio.to_thread(verify, run.gateway.data_dir / "gateway.sqlite", run.simulator.robots)
     figures |= {
         "accepted": verdict.accepted,
         "stored": verdict.stored,

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from load_tests.bench_ingest import GATEWAY
+from load_tests.benchmarks.gateway.ingest import GATEWAY
 from load_tests.fleet.figures import Probe
 from tests.support.ports import free_port
-from tests.support.warm import Forked
+from tests.support.processes.fork_server import Forked
 
 __all__ = ["GatewayProcess"]
 

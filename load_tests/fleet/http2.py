@@ -12,7 +12,7 @@ import struct
 from collections import deque
 from typing import Final
 
-from load_tests.fleet.lanes import Ends, Traffic
+from load_tests.fleet.lanes import LaneCallbacks, Traffic
 
 __all__ = ["Http2Lane", "open_http2"]
 
@@ -69,14 +69,14 @@ class Http2Lane(asyncio.Protocol):
 
     __slots__ = (
         "_buffer",
-        "_ends",
+        "_callbacks",
         "_first_window",
-        "_heard",
         "_message",
         "_most_frame",
         "_open",
         "_opening",
         "_paused",
+        "_received",
         "_taken",
         "_traffic",
         "_transport",
@@ -85,8 +85,8 @@ class Http2Lane(asyncio.Protocol):
         "_window_all",
     )
 
-    def __init__(self, authority: str, ends: Ends, traffic: Traffic) -> None:
-        self._ends = ends
+    def __init__(self, authority: str, callbacks: LaneCallbacks, traffic: Traffic) -> None:
+        self._callbacks = callbacks
         self._traffic = traffic
         self._opening = opening(authority)
         self._transport: asyncio.Transport | None = None
@@ -97,7 +97,7 @@ class Http2Lane(asyncio.Protocol):
         self._most_frame = 16_384
         self._taken = 0  # received and not yet given back to the connection's window
         self._paused = False
-        self._heard = True
+        self._received = True
         self._open = True
 
     # -- the lane ---------------------------------------------------------------------------------------------------
@@ -115,8 +115,8 @@ class Http2Lane(asyncio.Protocol):
 
     def ping(self) -> None:
         """As gRPC's keep-alive: where nothing came since the last time, ask. gRPC's own threads answer."""
-        heard, self._heard = self._heard, False
-        if not heard:
+        received, self._received = self._received, False
+        if not received:
             self._send(frame(PING, 0, 0, bytes(8)))
 
     def close(self) -> None:
@@ -146,11 +146,11 @@ class Http2Lane(asyncio.Protocol):
         self._paused = False
         self._flush()
         if not self.full and self._open:
-            self._ends.room()
+            self._callbacks.room()
 
     def data_received(self, data: bytes) -> None:
         """Whole frames are taken, the rest waits."""
-        self._heard = True
+        self._received = True
         self._traffic.received_bytes += len(data)
         buffer = self._buffer + data if self._buffer else data
         at, end = 0, len(buffer)
@@ -190,7 +190,7 @@ class Http2Lane(asyncio.Protocol):
             if len(message) - at - 5 < size:
                 break
             self._traffic.received_frames += 1
-            self._ends.frame(message[at + 5 : at + 5 + size])
+            self._callbacks.frame(message[at + 5 : at + 5 + size])
             at += 5 + size
         self._message = message[at:]
         if flags & END_STREAM:
@@ -222,7 +222,7 @@ class Http2Lane(asyncio.Protocol):
         was_full = self.full
         self._flush()
         if was_full and not self.full:
-            self._ends.room()
+            self._callbacks.room()
 
     def _flush(self) -> None:
         """Send what the windows let through."""
@@ -246,11 +246,11 @@ class Http2Lane(asyncio.Protocol):
     def _end(self, why: str) -> None:
         if self._open:
             self.close()
-            self._ends.over(why)
+            self._callbacks.over(why)
 
 
-async def open_http2(host: str, port: int, ends: Ends, traffic: Traffic) -> Http2Lane:
+async def open_http2(host: str, port: int, callbacks: LaneCallbacks, traffic: Traffic) -> Http2Lane:
     """Connect a lane. Raises OSError."""
     loop = asyncio.get_running_loop()
-    _, lane = await loop.create_connection(lambda: Http2Lane(f"{host}:{port}", ends, traffic), host, port)
+    _, lane = await loop.create_connection(lambda: Http2Lane(f"{host}:{port}", callbacks, traffic), host, port)
     return lane

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-__all__ = ["Ends", "Lane", "OpenLane", "Traffic"]
+__all__ = ["Lane", "LaneCallbacks", "OpenLane", "Traffic"]
 
 
 @dataclass(slots=True)
@@ -20,8 +20,8 @@ class Traffic:
 
 
 @dataclass(frozen=True, slots=True)
-class Ends:
-    """Whom a lane tells: a frame came, the connection is over and why, there is room again."""
+class LaneCallbacks:
+    """What a lane calls: for a frame that came, the end of the connection and why, room for more."""
 
     frame: Callable[[bytes], None]
     over: Callable[[str], None]
@@ -29,7 +29,7 @@ class Ends:
 
 
 class Lane(Protocol):
-    """One connection. `full` asks the writer to wait for `Ends.room`; nothing is told after `close`."""
+    """One connection. `full` asks the writer to wait for `LaneCallbacks.room`; nothing is called after `close`."""
 
     @property
     def full(self) -> bool:
@@ -45,4 +45,4 @@ class Lane(Protocol):
         """Cut the connection."""
 
 
-OpenLane = Callable[[str, int, Ends, Traffic], Awaitable[Lane]]  # host, port; raises OSError
+OpenLane = Callable[[str, int, LaneCallbacks, Traffic], Awaitable[Lane]]  # host, port; raises OSError

@@ -10,11 +10,11 @@ from websockets.frames import Opcode
 from websockets.protocol import State
 from websockets.uri import parse_uri
 
+from edge_agent.config.gateway_address import parse_address
 from edge_agent.errors import LinkError
-from edge_agent.uplink.address import parse_address
 from edge_agent.uplink.grpc import GrpcConnection, open_grpc
 from edge_agent.uplink.websocket import SUBPROTOCOL
-from load_tests.fleet.lanes import Ends, Traffic
+from load_tests.fleet.lanes import LaneCallbacks, Traffic
 from metaros.limits import LIMITS
 
 __all__ = ["AioLane", "WebSocketLane", "open_aio", "open_websocket"]
@@ -23,8 +23,8 @@ __all__ = ["AioLane", "WebSocketLane", "open_aio", "open_websocket"]
 class AioLane:
     """The agent's own gRPC connection, with the two tasks that the agent gives it."""
 
-    def __init__(self, connection: GrpcConnection, ends: Ends, traffic: Traffic) -> None:
-        self._connection, self._ends, self._traffic = connection, ends, traffic
+    def __init__(self, connection: GrpcConnection, callbacks: LaneCallbacks, traffic: Traffic) -> None:
+        self._connection, self._callbacks, self._traffic = connection, callbacks, traffic
         self._frames: asyncio.Queue[bytes] = asyncio.Queue()
         self._writing = False
         self._tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._write())]
@@ -59,7 +59,7 @@ class AioLane:
                 self._traffic.received_frames += 1
                 data = frame.SerializeToString()
                 self._traffic.received_bytes += len(data)
-                self._ends.frame(data)
+                self._callbacks.frame(data)
         except LinkError as error:
             self._end(str(error))
 
@@ -71,26 +71,26 @@ class AioLane:
                 await self._connection.write(frame)
                 self._writing = False
                 if self._frames.empty() and self._open:
-                    self._ends.room()
+                    self._callbacks.room()
         except LinkError as error:
             self._end(str(error))
 
     def _end(self, why: str) -> None:
         if self._open:
             asyncio.get_running_loop().call_soon(self.close)
-            self._ends.over(why.partition(":")[0])
+            self._callbacks.over(why.partition(":")[0])
 
 
-async def open_aio(host: str, port: int, ends: Ends, traffic: Traffic) -> AioLane:
+async def open_aio(host: str, port: int, callbacks: LaneCallbacks, traffic: Traffic) -> AioLane:
     """Start a lane's stream."""
-    return AioLane(await open_grpc(parse_address(f"{host}:{port}")), ends, traffic)
+    return AioLane(await open_grpc(parse_address(f"{host}:{port}")), callbacks, traffic)
 
 
 class WebSocketLane(asyncio.Protocol):
     """websockets' own state machine on a bare socket."""
 
-    def __init__(self, url: str, ends: Ends, traffic: Traffic) -> None:
-        self._ends, self._traffic = ends, traffic
+    def __init__(self, url: str, callbacks: LaneCallbacks, traffic: Traffic) -> None:
+        self._callbacks, self._traffic = callbacks, traffic
         self._protocol = ClientProtocol(parse_uri(url), subprotocols=[SUBPROTOCOL], max_size=LIMITS.frame_bytes)
         self._transport: Any = None
         self._paused = False
@@ -141,7 +141,7 @@ class WebSocketLane(asyncio.Protocol):
                 self.upgraded.set_result(None)
             elif getattr(event, "opcode", None) is Opcode.BINARY and self._open:
                 self._traffic.received_frames += 1
-                self._ends.frame(bytes(event.data))  # type: ignore[union-attr]
+                self._callbacks.frame(bytes(event.data))  # type: ignore[union-attr]
         if self._open and self._protocol.state in (State.CLOSING, State.CLOSED):
             self._end("the gateway closed the socket")
 
@@ -157,7 +157,7 @@ class WebSocketLane(asyncio.Protocol):
         """It does again."""
         self._paused = False
         if self._open:
-            self._ends.room()
+            self._callbacks.room()
 
     def _send(self) -> None:
         for data in self._protocol.data_to_send():
@@ -170,12 +170,12 @@ class WebSocketLane(asyncio.Protocol):
             self.upgraded.set_exception(ConnectionError(why))
         if self._open:
             self.close()
-            self._ends.over(why)
+            self._callbacks.over(why)
 
 
-async def open_websocket(host: str, port: int, ends: Ends, traffic: Traffic) -> WebSocketLane:
+async def open_websocket(host: str, port: int, callbacks: LaneCallbacks, traffic: Traffic) -> WebSocketLane:
     """Connect a lane and upgrade it. Raises OSError."""
     loop, url = asyncio.get_running_loop(), f"ws://{host}:{port}/api/v1/link"
-    _, lane = await loop.create_connection(lambda: WebSocketLane(url, ends, traffic), host, port)
+    _, lane = await loop.create_connection(lambda: WebSocketLane(url, callbacks, traffic), host, port)
     await lane.upgraded
     return lane

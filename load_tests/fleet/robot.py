@@ -12,26 +12,30 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from edge_agent.batch import Linger
 from edge_agent.errors import BehindError, LinkError, RefusedError
-from edge_agent.live import LiveQueue
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.link.budget import Budget
+from edge_agent.link.frames import CommandArrived
 from edge_agent.outbox import Frame, Kind
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.session import LANES, AgentSession, CommandArrived, Established, Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import LANES, AgentSession, Established, Identity
 from edge_agent.uplink.uplink import MOST_PATIENCE, OPEN_S
-from load_tests.fleet.lanes import Ends, Lane
+from load_tests.fleet.figures import Counts
+from load_tests.fleet.lanes import Lane, LaneCallbacks, OpenLane, Traffic
 from load_tests.fleet.load import BULK, LIVE, Load, announce, metric_body, noise, sample_body
 from load_tests.fleet.outbox import MemoryOutbox
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
+    from random import Random
 
-    from load_tests.fleet.crowd import Crowd
+    from metaros.clock import Clock
 
-__all__ = ["Robot"]
+__all__ = ["Robot", "Shared"]
 
 STEADY_S: Final = 1.0
 CHECK_S: Final = 1.0
@@ -73,16 +77,30 @@ class SimChannels:
         self._on_demand(LIVE in entries)
 
 
+class Shared:
+    """What all robots of a run use. `port` is the gateway's for robots: of gRPC, or of HTTP for WebSockets."""
+
+    def __init__(self, *, host: str, port: int, open_lane: OpenLane, rng: Random, clock: Clock) -> None:
+        self.host, self.port = host, port
+        self.open_lane = open_lane
+        self.rng = rng
+        self.clock = clock
+        self.loop = asyncio.get_running_loop()
+        self.counts = Counts()
+        self.traffic = Traffic()
+        self.on_stored: Callable[[Robot, float], None] | None = None  # how long after it was made a frame was stored
+
+
 class Robot:
     """Callbacks and timers of the event loop; a task only while it connects."""
 
-    def __init__(self, crowd: Crowd, name: str, load: Load) -> None:
+    def __init__(self, shared: Shared, name: str, load: Load) -> None:
         self.name = name
         self.load = load
         self.rows = self.samples = 0  # handed over
-        self._crowd, self._clock, self._counts = crowd, crowd.clock, crowd.counts
-        self._backoff = Backoff(crowd.rng)
-        self._number = crowd.clock.wall_ns() // 1_000_000
+        self._shared, self._clock, self._counts = shared, shared.clock, shared.counts
+        self._backoff = Backoff(shared.rng)
+        self._number = shared.clock.wall_ns() // 1_000_000
         self._store_id = ""
         self._session: AgentSession | None = None
         self._lanes: dict[Any, Lane] = {}
@@ -98,7 +116,7 @@ class Robot:
         self._check_s = self._ping_s = 0.0
         self._stopped = False
         self.outbox = MemoryOutbox(
-            epoch=crowd.rng.getrandbits(63) | 1,
+            epoch=shared.rng.getrandbits(63) | 1,
             writer=f"{name}-{self._number}",
             quota_bytes=OUTBOX_BYTES,
             on_stored=self._stored,
@@ -109,7 +127,7 @@ class Robot:
         self._queues = Queues(made, outbox, LiveQueue(), Linger(), Budget(now_s=self._clock.monotonic_s()))
         self._who = Identity(
             robot_id=name,
-            session_id=crowd.rng.randbytes(16),
+            session_id=shared.rng.randbytes(16),
             agent_version="load",
             namespace=f"/{name}",
             hostname=name,
@@ -126,12 +144,12 @@ class Robot:
         """Connect, and begin to hand over its load."""
         self._attempt()
         if self.load.rows or self.load.samples:
-            first_s = self._crowd.rng.random() * self.load.period_s
-            self._feeding = self._crowd.loop.call_later(first_s, self._feed)
+            first_s = self._shared.rng.random() * self.load.period_s
+            self._feeding = self._shared.loop.call_later(first_s, self._feed)
 
-    def hush(self) -> None:
+    def stop_load(self) -> None:
         """No more of its load; what is held goes on to the gateway."""
-        self.load = Load(name="hushed")
+        self.load = Load(name="stopped")
         if self._feeding is not None:
             self._feeding.cancel()
 
@@ -143,7 +161,7 @@ class Robot:
     def stop(self) -> None:
         """For good."""
         self._stopped = True
-        self.hush()
+        self.stop_load()
         if self._task is not None:
             self._task.cancel()
         if self._session is not None:
@@ -155,7 +173,7 @@ class Robot:
         if not self._stopped:
             if self._since_s is None:
                 self._since_s = self._clock.monotonic_s()
-            self._task = self._crowd.loop.create_task(self._connect())
+            self._task = self._shared.loop.create_task(self._connect())
 
     async def _connect(self) -> None:
         """All lanes, one after the other, from Hello to Welcome, as the agent's uplink opens them."""
@@ -163,17 +181,17 @@ class Robot:
         session = self._session = AgentSession(
             self._who, self._number, self._queues, clock=self._clock, store_id=self._store_id
         )
-        crowd = self._crowd
+        shared = self._shared
         try:
             for lane in LANES:
                 async with asyncio.timeout(OPEN_S * self._patience):
-                    ends = Ends(
+                    callbacks = LaneCallbacks(
                         partial(self._frame, session, lane),
                         lambda why: self._over(session, why),
                         self._pump,
                     )
-                    self._lanes[lane] = await crowd.open_lane(crowd.host, crowd.port, ends, crowd.traffic)
-                    welcomed = self._opening = crowd.loop.create_future()
+                    self._lanes[lane] = await shared.open_lane(shared.host, shared.port, callbacks, shared.traffic)
+                    welcomed = self._opening = shared.loop.create_future()
                     self._lanes[lane].write(session.hello(lane).SerializeToString())
                     await welcomed
         except TimeoutError:
@@ -246,7 +264,7 @@ class Robot:
             self._timer.cancel()
             self._timer = None
         if not self._stopped:
-            self._crowd.loop.call_later(max(hold_s, self._backoff.next_s()), self._attempt)
+            self._shared.loop.call_later(max(hold_s, self._backoff.next_s()), self._attempt)
 
     # -- what goes out ----------------------------------------------------------------------------------------------
 
@@ -267,11 +285,11 @@ class Robot:
         except LinkError as error:
             self._over(session, type(error).__name__)
             return
-        at = self._crowd.loop.time() + max(wait_s, 0.001)
+        at = self._shared.loop.time() + max(wait_s, 0.001)
         if self._timer is None or at < self._timer_at - 0.0005:
             if self._timer is not None:
                 self._timer.cancel()
-            self._timer, self._timer_at = self._crowd.loop.call_at(at, self._due), at
+            self._timer, self._timer_at = self._shared.loop.call_at(at, self._due), at
 
     def _due(self) -> None:
         """The timer: what is due, and from time to time a look at whether the gateway lives."""
@@ -295,7 +313,7 @@ class Robot:
     def _feed(self) -> None:
         """One period's load."""
         load, now_ns = self.load, self._clock.wall_ns()
-        self._feeding = self._crowd.loop.call_later(load.period_s, self._feed)
+        self._feeding = self._shared.loop.call_later(load.period_s, self._feed)
         if load.rows:
             body = metric_body(self.rows + 1, load.rows, now_ns, period_ns=round(load.period_s * 1e9))
             self.outbox.append("metric", METRICS, Kind.METRICS, load.rows, body, now_ns=now_ns)
@@ -310,7 +328,7 @@ class Robot:
 
     def _watched(self, wanted: bool) -> None:
         if wanted and self._live_timer is None and self.load.live_hz:
-            self._live_timer = self._crowd.loop.call_later(self._crowd.rng.random() / self.load.live_hz, self._live)
+            self._live_timer = self._shared.loop.call_later(self._shared.rng.random() / self.load.live_hz, self._live)
         elif not wanted and self._live_timer is not None:
             self._live_timer.cancel()
             self._live_timer = None
@@ -320,7 +338,7 @@ class Robot:
         if not self.load.live_hz:
             self._live_timer = None
             return
-        self._live_timer = self._crowd.loop.call_later(1.0 / self.load.live_hz, self._live)
+        self._live_timer = self._shared.loop.call_later(1.0 / self.load.live_hz, self._live)
         channel: Any = self.channels.live
         self._queues.live.append(channel, self._clock.wall_ns(), noise(channel.live_seq + 1, self.load.live_bytes))
         self._queues.linger.add(self.load.live_bytes, self._clock.monotonic_s())
@@ -332,4 +350,5 @@ class Robot:
         if frame.stream_id < 1 << 31:  # of the back-fill it says how long the link was away
             took_s = max(0.0, (self._clock.wall_ns() - frame.wall_ns) / 1e9)
             self._counts.acknowledged(took_s)
-            self._crowd.on_stored(self, took_s)
+            if self._shared.on_stored is not None:
+                self._shared.on_stored(self, took_s)

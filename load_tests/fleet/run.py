@@ -1,4 +1,4 @@
-"""One run of a scenario: a gateway, a crowd, a look at both every second, and what is written down of it."""
+"""One run of a scenario: a gateway, simulated robots, a look at both every second, and what is written down of it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from typing import Any, Final
 
 import psutil
 
-from load_tests.fleet.crowd import Crowd
 from load_tests.fleet.figures import Histogram, Look, Probe, pss_bytes, tree_bytes
 from load_tests.fleet.gateway import GatewayProcess
+from load_tests.fleet.simulator import Simulator
 
 __all__ = ["Run", "Setting", "running"]
 
@@ -44,7 +44,7 @@ class Run:
     """Figures of one run. `series` has a list for each name, all as long as `series["t"]`."""
 
     gateway: GatewayProcess
-    crowd: Crowd
+    simulator: Simulator
     setting: Setting
     series: dict[str, list[float]] = field(default_factory=dict)
     marks: list[tuple[float, str]] = field(default_factory=list)
@@ -60,7 +60,7 @@ class Run:
     @property
     def now_s(self) -> float:
         """Since the run began."""
-        return self.crowd.clock.monotonic_s() - self._began_s
+        return self.simulator.clock.monotonic_s() - self._began_s
 
     def mark(self, text: str) -> None:
         """Something happened that plots show."""
@@ -87,8 +87,8 @@ class Run:
 
     async def watch(self) -> None:
         """Look every second, until cancelled."""
-        self._began_s = self.crowd.clock.monotonic_s()
-        me, clock = Probe(os.getpid()), self.crowd.clock
+        self._began_s = self.simulator.clock.monotonic_s()
+        me, clock = Probe(os.getpid()), self.simulator.clock
         before_s, before, mine = clock.monotonic_s(), self.look(), me.look()
         whole = psutil.cpu_times()
         sent = received = frames = 0
@@ -103,7 +103,7 @@ class Run:
             used_s = _used_s(before, after)
             self.gateway_cpu_s += used_s
             own_s = _used_s(mine, mine_now)
-            traffic, counts = self.crowd.traffic, self.crowd.counts
+            traffic, counts = self.simulator.traffic, self.simulator.counts
             acks = counts.take_recent()
             self._add(
                 t=self.now_s,
@@ -129,15 +129,15 @@ class Run:
     async def ask(self, *, every_s: float = 0.5) -> None:
         """Ask the gateway's health over HTTP, as a load balancer would: what its event loop keeps others waiting."""
         while True:
-            began_s = self.crowd.clock.monotonic_s()
+            began_s = self.simulator.clock.monotonic_s()
             with contextlib.suppress(OSError, TimeoutError, asyncio.IncompleteReadError):
                 async with asyncio.timeout(10):
                     reader, writer = await asyncio.open_connection("127.0.0.1", self.gateway.http_port)
                     with contextlib.closing(writer):  # also where the gateway dies or stands still meanwhile
                         writer.write(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
                         await reader.read()
-                    self.answers_s.add(self.crowd.clock.monotonic_s() - began_s)
-            await asyncio.sleep(max(0.0, began_s + every_s - self.crowd.clock.monotonic_s()))
+                    self.answers_s.add(self.simulator.clock.monotonic_s() - began_s)
+            await asyncio.sleep(max(0.0, began_s + every_s - self.simulator.clock.monotonic_s()))
 
     async def end(self) -> None:
         """Stop looking, hang up, end the gateway; the second time nothing happens."""
@@ -147,7 +147,7 @@ class Run:
         await asyncio.gather(*tasks, return_exceptions=True)
         if tasks and sys.stdout.isatty() and not self.setting.quiet:
             print()
-        self.crowd.stop()
+        self.simulator.stop()
         await asyncio.to_thread(self.gateway.stop)
 
     def storage(self) -> dict[str, int]:
@@ -169,9 +169,9 @@ class Run:
         if self.setting.quiet:
             return
         last = {name: values[-1] for name, values in self.series.items()}
-        counts = self.crowd.counts
+        counts = self.simulator.counts
         text = (
-            f"{last['t']:5.0f} s  links {counts.up:,}/{len(self.crowd.robots):,}  "
+            f"{last['t']:5.0f} s  links {counts.up:,}/{len(self.simulator.robots):,}  "
             f"gateway {last['gateway_cores']:.2f} cores "
             f"{last['gateway_rss'] / 2**20:,.0f} MiB  simulator {last['simulator_cores']:.2f}  "
             f"acks p50 {last['ack_p50_ms']:.0f} p99 {last['ack_p99_ms']:.0f} ms  "
@@ -194,7 +194,7 @@ def _busy_s(before: Any, after: Any) -> float:
 
 @asynccontextmanager
 async def running(setting: Setting, figures: dict[str, Any]) -> AsyncIterator[Run]:
-    """A gateway in a fresh folder and a crowd without robots; both end, and the folder goes, whatever happens.
+    """A gateway in a fresh folder and a simulator without robots; both end, and the folder goes, whatever happens.
 
     The run's series are in `figures` from the beginning, so that an interrupted run keeps them.
     """
@@ -202,8 +202,8 @@ async def running(setting: Setting, figures: dict[str, Any]) -> AsyncIterator[Ru
         options = [*setting.gateway_options, *(("--store", setting.store_url) if setting.store_url else ())]
         gateway = GatewayProcess(Path(name), options, core=setting.core, warm=setting.warm)
         port = gateway.http_port if setting.transport == "ws" else gateway.grpc_port
-        crowd = Crowd(host="127.0.0.1", port=port, transport=setting.transport, rng=Random(setting.seed))
-        run = Run(gateway, crowd, setting)
+        simulator = Simulator(host="127.0.0.1", port=port, transport=setting.transport, rng=Random(setting.seed))
+        run = Run(gateway, simulator, setting)
         figures |= {"series": run.series, "marks": run.marks}
         try:
             await asyncio.to_thread(run.start_gateway)

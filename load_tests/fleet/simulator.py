@@ -7,15 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from random import Random
 from typing import Final
 
-from load_tests.fleet.figures import Counts
 from load_tests.fleet.http2 import open_http2
-from load_tests.fleet.lanes import OpenLane, Traffic
+from load_tests.fleet.lanes import OpenLane
 from load_tests.fleet.load import Load
 from load_tests.fleet.other_lanes import open_aio, open_websocket
-from load_tests.fleet.robot import Robot
+from load_tests.fleet.robot import Robot, Shared
 from metaros.clock import Clock, SystemClock
 
-__all__ = ["TRANSPORTS", "Crowd"]
+__all__ = ["TRANSPORTS", "Simulator"]
 
 TRANSPORTS: Final[Mapping[str, OpenLane]] = {"grpc": open_http2, "aio": open_aio, "ws": open_websocket}
 STEP_S: Final = 0.02
@@ -23,21 +22,12 @@ MOST_OPENING: Final = 64
 OPENING_S: Final = 30.0
 
 
-class Crowd:
-    """All simulated robots of a run. `port` is the gateway's for robots: of gRPC, or of HTTP for `ws`."""
+class Simulator(Shared):
+    """All simulated robots of a run."""
 
     def __init__(self, *, host: str, port: int, transport: str, rng: Random, clock: Clock | None = None) -> None:
-        self.host, self.port = host, port
-        self.open_lane = TRANSPORTS[transport]
-        self.rng = rng
-        self.clock = clock or SystemClock()
-        self.loop = asyncio.get_running_loop()
-        self.counts = Counts()
-        self.traffic = Traffic()
+        super().__init__(host=host, port=port, open_lane=TRANSPORTS[transport], rng=rng, clock=clock or SystemClock())
         self.robots: list[Robot] = []
-        self.on_stored: Callable[[Robot, float], None] = lambda robot, seconds: (
-            None
-        )  # fresh frames, and how long it took
 
     async def join(self, loads: Sequence[Load], *, per_s: float, prefix: str = "load") -> None:
         """So many robots more, at a rate, and no faster than links come up; returns when each has begun.
@@ -69,7 +59,7 @@ class Crowd:
     async def settle(self, *, timeout_s: float) -> bool:
         """No more load, until everything that was handed over is acknowledged."""
         for robot in self.robots:
-            robot.hush()
+            robot.stop_load()
         return await self.until(lambda: not any(robot.outbox.waiting for robot in self.robots), timeout_s=timeout_s)
 
     def stop(self) -> None:

@@ -32,16 +32,16 @@ async def steady(
         await asyncio.sleep(2.0)
         bare, bare_pss = run.look(), await asyncio.to_thread(run.pss)
         run.mark("robots come")
-        await run.crowd.join(interleave(idle, active, load), per_s=ramp_per_s)
-        figures["all_up"] = await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join(interleave(idle, active, load), per_s=ramp_per_s)
+        figures["all_up"] = await run.simulator.all_up(timeout_s=UP_S)
         await asyncio.sleep(min(5.0, seconds / 2))
         fresh(run)
-        from_s, downs, held = run.now_s, run.crowd.counts.downs.total(), run.storage()
+        from_s, downs, held = run.now_s, run.simulator.counts.downs.total(), run.storage()
         run.mark("steady")
         await asyncio.sleep(seconds)
         to_s = run.now_s
         figures |= gateway_figures(run, from_s, to_s)
-        figures["links_lost_while_steady"] = run.crowd.counts.downs.total() - downs
+        figures["links_lost_while_steady"] = run.simulator.counts.downs.total() - downs
         now, storage = run.look(), run.storage()
         if bare is not None and now is not None:
             figures["rss_before_robots_mib"] = bare.rss_bytes / 2**20
@@ -60,8 +60,9 @@ async def steady(
             not figures["links_lost_while_steady"], f"no link ended while steady: {figures['links_lost_while_steady']}"
         ),
         goal(
-            not run.crowd.counts.goodbyes and not run.crowd.counts.put_off,
-            f"no refusal: {run.crowd.counts.goodbyes.total()} goodbyes, {run.crowd.counts.put_off.total()} put off",
+            not run.simulator.counts.goodbyes and not run.simulator.counts.put_off,
+            f"no refusal: {run.simulator.counts.goodbyes.total()} goodbyes, "
+            f"{run.simulator.counts.put_off.total()} put off",
         ),
         *kept(figures),
     ]

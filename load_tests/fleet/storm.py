@@ -34,23 +34,23 @@ async def storm(
     robots = idle + active
     figures |= {"robots": robots, "idle": idle, "active": active, "load": load.describe(), "how": how}
     async with running(setting, figures) as run:
-        await run.crowd.join(interleave(idle, active, load), per_s=ramp_per_s)
-        figures["all_up"] = await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join(interleave(idle, active, load), per_s=ramp_per_s)
+        figures["all_up"] = await run.simulator.all_up(timeout_s=UP_S)
         await asyncio.sleep(seconds)
         fresh(run)
         run.mark(how)
-        began_s, ups = run.now_s, run.crowd.counts.ups
+        began_s, ups = run.now_s, run.simulator.counts.ups
         serving_s = await _break(run, how)
         figures["gateway_serves_after_s"] = serving_s - began_s
-        back = await run.crowd.until(
-            lambda: run.crowd.counts.up == robots and run.crowd.counts.ups >= ups + robots, timeout_s=120.0
+        back = await run.simulator.until(
+            lambda: run.simulator.counts.up == robots and run.simulator.counts.ups >= ups + robots, timeout_s=120.0
         )
         figures["all_back"] = back
         figures["all_back_s"] = run.now_s - began_s
         figures["all_back_after_serving_s"] = run.now_s - serving_s
         run.mark("all back")
-        figures["links_of_the_storm"] = run.crowd.counts.ups - ups
-        figures["link_up_after_storm_ms"] = run.crowd.counts.up_s.summary_ms()
+        figures["links_of_the_storm"] = run.simulator.counts.ups - ups
+        figures["link_up_after_storm_ms"] = run.simulator.counts.up_s.summary_ms()
         await asyncio.sleep(seconds)
         figures |= gateway_figures(run, began_s, run.now_s)
         figures["pinned_s"] = longest(run.between("gateway_cores", serving_s, run.now_s), PINNED_CORES)
@@ -72,7 +72,7 @@ async def storm(
 async def _break(run: Run, how: str) -> float:
     """Do it; when the gateway serves again, in seconds of the run."""
     if how == "cut":
-        for robot in run.crowd.robots:
+        for robot in run.simulator.robots:
             robot.cut()
         return run.now_s
     if how == "kill":

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.store.check_streams import Interval, audit
-from gateway.store.chunks import decode
+from gateway.store.integrity.streams import Interval, audit
+from gateway.store.telemetry.chunks import decode
 from load_tests.fleet.robot import Robot
 
 __all__ = ["Verdict", "verify"]

@@ -16,7 +16,7 @@ from load_tests.fleet.figures import Histogram
 from load_tests.fleet.load import Load
 from load_tests.fleet.run import Run, Setting, running
 from load_tests.fleet.steady import kept
-from tests.support.viewer import HEADER
+from tests.support.gateways.viewer import HEADER
 
 __all__ = ["viewers"]
 
@@ -72,8 +72,8 @@ class Audience:
                 async for message in socket:
                     if isinstance(message, bytes):
                         watcher.take(message, time.time_ns(), self.age_s, self.recent_s)
-                    elif (told := json.loads(message))["op"] == "dropped":
-                        watcher.dropped += told["count"]
+                    elif (reported := json.loads(message))["op"] == "dropped":
+                        watcher.dropped += reported["count"]
         except (OSError, WebSocketException, TimeoutError) as error:
             self.failed.append(f"a viewer of {robot} ended: {type(error).__name__}")
 
@@ -118,10 +118,10 @@ async def viewers(
     """
     figures |= {"robots": robots, "viewers": viewers, "load": load.describe()}
     async with running(setting, figures) as run:
-        await run.crowd.join([load] * robots, per_s=100.0)
-        await run.crowd.all_up(timeout_s=UP_S)
+        await run.simulator.join([load] * robots, per_s=100.0)
+        await run.simulator.all_up(timeout_s=UP_S)
         audience = Audience(run)
-        names = [robot.name for robot in run.crowd.robots]
+        names = [robot.name for robot in run.simulator.robots]
         watching = []
         for index in range(viewers):
             watching.append(asyncio.create_task(audience.watch(names[index % robots])))

@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 from load_tests.functions.figures import Calls
 
-__all__ = ["Door", "call_in_parallel", "call_one_by_one"]
+__all__ = ["Endpoint", "call_in_parallel", "call_one_by_one"]
 
 TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Endpoint:
     """Where calls go, and which status is a good one."""
 
     port: int
@@ -25,19 +25,19 @@ class Door:
     good: int = 200
 
 
-def call_one_by_one(door: Door, count: int, *, body: bytes = b'{"n":1}') -> Calls:
+def call_one_by_one(endpoint: Endpoint, count: int, *, body: bytes = b'{"n":1}') -> Calls:
     """Calls of one client; a connection that breaks is a failed call, and the next one opens another."""
     took, failed = [], 0
-    connection = http.client.HTTPConnection("127.0.0.1", door.port, timeout=TIMEOUT_S)
-    headers = {"Content-Type": "application/json", **door.headers}
+    connection = http.client.HTTPConnection("127.0.0.1", endpoint.port, timeout=TIMEOUT_S)
+    headers = {"Content-Type": "application/json", **endpoint.headers}
     began = time.perf_counter()
     for _ in range(count):
         start = time.perf_counter()
         try:
-            connection.request("POST", door.path, body, headers)
+            connection.request("POST", endpoint.path, body, headers)
             answer = connection.getresponse()
             answer.read()
-            good = answer.status == door.good
+            good = answer.status == endpoint.good
         except (OSError, http.client.HTTPException):
             connection.close()
             good = False
@@ -50,10 +50,10 @@ def call_one_by_one(door: Door, count: int, *, body: bytes = b'{"n":1}') -> Call
     return Calls(tuple(took), failed, total)
 
 
-def call_in_parallel(door: Door, clients: int, count: int) -> Calls:
+def call_in_parallel(endpoint: Endpoint, clients: int, count: int) -> Calls:
     """The same by several clients at a time, `count` calls each."""
     found: list[Calls] = []
-    threads = [threading.Thread(target=lambda: found.append(call_one_by_one(door, count))) for _ in range(clients)]
+    threads = [threading.Thread(target=lambda: found.append(call_one_by_one(endpoint, count))) for _ in range(clients)]
     began = time.perf_counter()
     for thread in threads:
         thread.start()

@@ -10,9 +10,9 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from load_tests.functions.figures import Calls
+from metaros.automation.functions.calls import FunctionSpec, Invocation
+from metaros.automation.functions.engine import Engine
 from metaros.clock import SystemClock
-from metaros.functions.calls import FunctionSpec, Invocation
-from metaros.functions.engine import Engine
 
 __all__ = ["call_engine", "cold_starts", "running_engine", "spec_of", "worker_bytes"]
 

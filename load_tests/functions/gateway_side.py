@@ -1,4 +1,4 @@
-"""A real gateway in a process of its own with one function, and its doors: our REST and AWS's API through boto3."""
+"""A real gateway in a process of its own with one function, and its endpoints: our REST and AWS's API through boto3."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ import boto3
 import httpx
 from botocore.config import Config
 
-from load_tests.functions.clients import Door
+from load_tests.functions.clients import Endpoint
 from load_tests.functions.figures import Calls
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
 
 __all__ = ["HANDLER", "NAME", "Functions", "running_gateway"]
 
@@ -29,16 +29,16 @@ FREE = ("--requests-per-s", "0", "--robot-requests-per-s", "0")
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """The gateway's doors."""
+    """The gateway's endpoints."""
 
     stack: Stack
     lambda_client: Any
 
-    def door(self, kind: str) -> Door:
+    def endpoint(self, kind: str) -> Endpoint:
         """Our REST: `kind` request waits for the result, event has it durable."""
         headers = {"Authorization": f"Bearer {self.stack.key}"}
         good = 202 if kind == "event" else 200
-        return Door(self.stack.http_port, f"/api/v1/functions/{NAME}/invoke?kind={kind}", headers, good)
+        return Endpoint(self.stack.http_port, f"/api/v1/functions/{NAME}/invoke?kind={kind}", headers, good)
 
     def call_with_boto3(self, count: int) -> Calls:
         """Invoke, request and response, signed as AWS has it."""

@@ -14,10 +14,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from load_tests.functions.clients import Door, call_one_by_one
+from load_tests.functions.clients import Endpoint, call_one_by_one
 from load_tests.peers.venvs import FOLDER, HomeFailed
 from tests.support.ports import free_port
-from tests.support.processes import end
+from tests.support.processes.processes import end
 from tests.support.waiting import wait_until
 
 __all__ = ["RIE", "rie_program", "running_rie"]
@@ -46,7 +46,7 @@ def rie_program(folder: Path = FOLDER / "rie") -> Path:
 
 
 @contextmanager
-def running_rie(code: Path, handler: str) -> Iterator[Door]:
+def running_rie(code: Path, handler: str) -> Iterator[Endpoint]:
     """It serves a function of a folder with awslambdaric, and has answered once."""
     port, api_port = free_port(), free_port()
     runtime = [sys.executable, "-m", "awslambdaric", handler]
@@ -61,9 +61,9 @@ def running_rie(code: Path, handler: str) -> Iterator[Door]:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    door = Door(port, PATH)
+    endpoint = Endpoint(port, PATH)
     try:
-        wait_until(lambda: not call_one_by_one(door, 1).failed, timeout_s=30.0)
-        yield door
+        wait_until(lambda: not call_one_by_one(endpoint, 1).failed, timeout_s=30.0)
+        yield endpoint
     finally:
         end(process)

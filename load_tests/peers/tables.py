@@ -138,10 +138,10 @@ def _table(results: Results, kind: str, columns: Sequence[str]) -> Table:
 
 def _failures(results: Results) -> Iterator[Text]:
     """The rows that gave nothing, with their reasons, each once."""
-    told = dict.fromkeys(
+    reported = dict.fromkeys(
         (label, error) for size in results.sizes for label, _, error in _lines(results, "speed", size) if error
     )
-    yield from (Text(f"{label}: {error}", style="red") for label, error in told)
+    yield from (Text(f"{label}: {error}", style="red") for label, error in reported)
 
 
 def _goal_table(verdicts: Sequence[Verdict]) -> Table:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from metaros.concurrency.file_lock import file_lock
 from metaros.errors import ConfigError
-from metaros.file_lock import file_lock
 
 __all__ = ["Contexts", "change", "contexts_file", "current_gateway", "read"]
 

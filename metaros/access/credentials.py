@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from metaros.concurrency.file_lock import file_lock
 from metaros.errors import ConfigError
-from metaros.file_lock import file_lock
 
 __all__ = ["ca_for", "credentials_file", "forget_key", "key_for", "local_gateway", "save_key"]
 

@@ -12,13 +12,13 @@ import zmq
 from metaros.broker.demand import Demand
 from metaros.broker.faults import Faults
 from metaros.broker.frames import join
-from metaros.broker.guess import TypeTable
 from metaros.broker.hub import Hub, HubTotals
 from metaros.broker.incoming import Incoming
 from metaros.broker.outgoing import Outgoing
 from metaros.broker.report import BrokerReport
+from metaros.broker.type_inference import TypeTable
 from metaros.broker.types import Types
-from metaros.broker.waker import Waker
+from metaros.broker.wakeup_socket import WakeupSocket
 from metaros.idl.globs import Glob
 from metaros.node import Node
 
@@ -40,7 +40,7 @@ class Bridge:
         self._node = node
         self._two_frames = two_frames
         self._demand = Demand()
-        self._waker = Waker()
+        self._wakeup = WakeupSocket()
         self._stopped = False
         self._graph_changed = True
         self._totals = HubTotals()
@@ -58,7 +58,7 @@ class Bridge:
             strict=strict,
             is_own=self._incoming.is_own,
             send=self._send,
-            wake=self._waker.wake,
+            wake=self._wakeup.wake,
             faults=faults,
         )
         self._forget_graph = node.graph.on_change(self._on_graph)
@@ -80,29 +80,29 @@ class Bridge:
     def close(self) -> None:
         """End the thread; the hub's sockets are free then."""
         self._stopped = True
-        self._waker.wake()
+        self._wakeup.wake()
         self._thread.join()
         self._forget_graph()
         self._types.close()
         self._outgoing.close()
         self._incoming.close()
-        self._waker.close()
+        self._wakeup.close()
 
     def _on_graph(self) -> None:
         self._graph_changed = True
-        self._waker.wake()
+        self._wakeup.wake()
 
     def _send(self, topic: bytes, payload: bytes) -> None:
-        self._hub.said.send_multipart(join(topic, payload, two_frames=self._two_frames))
+        self._hub.outbound.send_multipart(join(topic, payload, two_frames=self._two_frames))
 
     def _run(self) -> None:
         poller = zmq.Poller()
-        for source in (self._hub.heard, self._hub.said, self._hub.control, self._waker.fileno()):
+        for source in (self._hub.received, self._hub.outbound, self._hub.control, self._wakeup.fileno()):
             poller.register(source, zmq.POLLIN)
         pause, more = threading.Event(), False
         while not self._stopped:
             poller.poll(0 if more else int(_TICK_S * 1000))
-            self._waker.clear()
+            self._wakeup.clear()
             try:
                 more = self._step()
             except Exception:  # a fault of ours must not end the bridge
@@ -134,7 +134,7 @@ class Bridge:
     def _read_subscriptions(self, now_s: float) -> None:
         try:
             while True:
-                (frame, *_) = self._hub.said.recv_multipart(zmq.NOBLOCK)
+                (frame, *_) = self._hub.outbound.recv_multipart(zmq.NOBLOCK)
                 if frame[:1] == b"\x01":
                     self._demand.subscribe(frame[1:])
                 elif frame[:1] == b"\x00":
@@ -145,7 +145,7 @@ class Bridge:
     def _drain(self) -> bool:
         """Take what the hub has for us; whether more may wait."""
         totals = self._hub.read_totals()
-        receive, take = self._hub.heard.recv_multipart, self._incoming.take
+        receive, take = self._hub.received.recv_multipart, self._incoming.take
         try:
             for _ in range(_DRAIN):
                 take(receive(zmq.NOBLOCK))

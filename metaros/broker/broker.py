@@ -6,9 +6,9 @@ import threading
 from dataclasses import dataclass, field
 
 from metaros.broker.bridge import Bridge
-from metaros.broker.guess import TypeTable
 from metaros.broker.hub import Hub, HubOptions
 from metaros.broker.report import BrokerReport
+from metaros.broker.type_inference import TypeTable
 from metaros.executor import SingleThreadedExecutor
 from metaros.idl.globs import Glob
 from metaros.node import Context, Node

@@ -1,4 +1,4 @@
-"""Faults of ZeroMQ programs and nodes, each told once, and not without an end: a peer's nonsense may have no end."""
+"""Faults of ZeroMQ programs and nodes, each logged once, and a bounded number of them."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ class Faults:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._told = 0
+        self._warned = 0
         self._lock = threading.Lock()
 
-    def tell(self, about: object, text: str) -> None:
-        """Warn, the first time that `about` is told of."""
+    def warn_once(self, about: object, text: str) -> None:
+        """Warn, the first time for each `about`."""
         if not self._node.first_report(("zmq", about)):
             return
         with self._lock:
-            self._told += 1
-            told = self._told
-        if told <= _MOST:
+            self._warned += 1
+            count = self._warned
+        if count <= _MOST:
             self._node.get_logger().warn(text)
-        if told == _MOST:
+        if count == _MOST:
             self._node.get_logger().warn(f"{_MOST} kinds of faults: further ones are only counted")

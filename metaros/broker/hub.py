@@ -1,12 +1,12 @@
 """The hub that ZeroMQ programs connect to: publishers to its XSUB, subscribers to its XPUB.
 
 Two of libzmq's own forwarding loops in a row, each on a thread that never takes the GIL: what ZeroMQ publishers say
-passes both, and what the bridge says joins between them. So the bridge hears only ZeroMQ's messages, never its own:
+passes both, and what the bridge says joins between them. So the bridge receives only ZeroMQ's messages, never its own:
 
     publishers ─▶ XSUB ═▶ XPUB ─┬─▶ XSUB ═▶ XPUB ─▶ subscribers
                                 │     ▲
                                 ▼     │
-                               heard  said      (the two sockets of the bridge)
+                               received outbound (the two sockets of the bridge)
 
 Frames are opaque here. A subscriber that is `hwm` messages behind misses newer ones; libzmq does not tell how many.
 """
@@ -28,8 +28,8 @@ from metaros.limits import LIMITS
 
 __all__ = ["Hub", "HubOptions", "HubTotals", "endpoint"]
 
-_HEARD: Final = "inproc://heard"
-_SAID: Final = "inproc://said"
+_RECEIVED: Final = "inproc://received"
+_OUTBOUND: Final = "inproc://outbound"
 _CONTROL: Final = "inproc://control"
 _TRANSPORTS: Final = ("tcp", "ipc")
 
@@ -67,9 +67,9 @@ def endpoint(text: str, *, host: str = "127.0.0.1") -> str:
 
 
 class Hub:
-    """A running hub. `heard` receives every message of a ZeroMQ publisher, `said` sends to every subscriber.
+    """A running hub. `received` receives every message of a ZeroMQ publisher, `outbound` sends to every subscriber.
 
-    `said` also receives the subscriptions. Both belong to the one thread that uses them.
+    `outbound` also receives the subscriptions. Both belong to the one thread that uses them.
     """
 
     def __init__(self, options: HubOptions) -> None:
@@ -88,16 +88,16 @@ class Hub:
             self._socket(kind) for kind in (zmq.XSUB, zmq.XPUB, zmq.XSUB, zmq.XPUB, zmq.PAIR)
         )
         front.maxmsgsize = LIMITS.broker_message_bytes
-        self.heard, self.said, self.control = (self._socket(kind) for kind in (zmq.SUB, zmq.XPUB, zmq.PAIR))
-        self.heard.rcvhwm = max(10 * self._hwm, 10_000)  # while the bridge converts one large message
+        self.received, self.outbound, self.control = (self._socket(kind) for kind in (zmq.SUB, zmq.XPUB, zmq.PAIR))
+        self.received.rcvhwm = max(10 * self._hwm, 10_000)  # while the bridge converts one large message
         control.bind(_CONTROL)
         self.control.connect(_CONTROL)
-        middle.bind(_HEARD)
-        self.said.bind(_SAID)
-        merge.connect(_HEARD)
-        merge.connect(_SAID)
-        self.heard.connect(_HEARD)
-        self.heard.subscribe(b"")
+        middle.bind(_RECEIVED)
+        self.outbound.bind(_OUTBOUND)
+        merge.connect(_RECEIVED)
+        merge.connect(_OUTBOUND)
+        self.received.connect(_RECEIVED)
+        self.received.subscribe(b"")
         for socket, endpoints in ((front, options.xsub), (back, options.xpub)):
             for where in endpoints:
                 _bind(socket, where)
@@ -138,7 +138,7 @@ class Hub:
 
     def close(self) -> None:
         """End both loops; messages under way are lost. Call it after the bridge's end."""
-        for socket in (self.heard, self.said, self.control):
+        for socket in (self.received, self.outbound, self.control):
             socket.close()
         self._context.term()
         for thread in self._threads:

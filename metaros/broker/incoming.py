@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from metaros.broker.faults import Faults
 from metaros.broker.frames import ros_topic, split
-from metaros.broker.guess import TypeTable
 from metaros.broker.report import TopicRow
 from metaros.broker.route import Route
+from metaros.broker.type_inference import TypeTable
 from metaros.broker.types import Types
 from metaros.errors import FrameError, MetarosError, TooLargeError
 from metaros.idl.globs import Glob
@@ -35,7 +35,7 @@ class Incoming:
         self._faults = faults
         self._routes: dict[str, Route] = {}
         self._by_spelling: dict[bytes, Route | None] = {}
-        self._told: set[bytes] = set()
+        self._warned: set[bytes] = set()
         self._ready: deque[Route] = deque()
 
     def take(self, frames: Sequence[bytes]) -> None:
@@ -46,13 +46,13 @@ class Incoming:
             route = self._by_spelling[topic] if topic in self._by_spelling else self._find(topic)
         except (FrameError, TooLargeError) as error:
             self.unreadable += 1
-            self._tell(frames[0].partition(b" ")[0][:_SHOWN], error)
+            self._report(frames[0].partition(b" ")[0][:_SHOWN], error)
             return
         if route is None:
             return
         route.messages += 1
         route.bytes += len(payload)
-        if route.heard():
+        if route.has_listeners():
             route.backlog.put(payload, len(payload))
             self._queue(route)
 
@@ -93,11 +93,11 @@ class Incoming:
         for route in self._routes.values():
             route.close()
 
-    def _tell(self, topic: bytes, error: MetarosError) -> None:
+    def _report(self, topic: bytes, error: MetarosError) -> None:
         """Some of them: random topics must not keep faults of real ones from being told."""
-        if topic not in self._told and len(self._told) < _MOST_TOLD:
-            self._told.add(topic)
-            self._faults.tell(("unreadable", topic), f"from ZeroMQ: {error}")
+        if topic not in self._warned and len(self._warned) < _MOST_TOLD:
+            self._warned.add(topic)
+            self._faults.warn_once(("unreadable", topic), f"from ZeroMQ: {error}")
 
     def _queue(self, route: Route) -> None:
         if not route.queued:

@@ -11,11 +11,11 @@ import zenoh
 
 from metaros.broker.backlog import Backlog
 from metaros.broker.demand import Demand
-from metaros.broker.dialect import to_payload
 from metaros.broker.faults import Faults
 from metaros.broker.report import Direction, TopicRow
 from metaros.broker.topics import others, reading_qos
 from metaros.broker.types import Types
+from metaros.broker.v1_json import to_payload
 from metaros.cdr import codec
 from metaros.errors import AttachmentError, MetarosError
 from metaros.idl.globs import Glob
@@ -133,7 +133,7 @@ class Outgoing:
         tap = self._taps.get(topic)
         if tap is None:
             if len(self._taps) >= LIMITS.broker_topics:
-                self._faults.tell("taps", f"more than {LIMITS.broker_topics} topics: {topic} is not bridged")
+                self._faults.warn_once("taps", f"more than {LIMITS.broker_topics} topics: {topic} is not bridged")
                 return
             tap = self._taps[topic] = _Tap(topic)
         for item in publishers:
@@ -175,7 +175,7 @@ class Outgoing:
             payload = to_payload(decode(sample.payload.to_bytes()), seq=seq, strict=self._strict)
         except MetarosError as error:
             tap.malformed += 1
-            self._faults.tell((tap.topic, "ros", error.code), f"{tap.topic}, to ZeroMQ: {error}")
+            self._faults.warn_once((tap.topic, "ros", error.code), f"{tap.topic}, to ZeroMQ: {error}")
             return
         except Exception:  # a fault of ours: one topic's, not the bridge's
             tap.malformed += 1

@@ -1,4 +1,4 @@
-"""Texts, JSON and bytes: the three types whose one field `data` is the payload itself, or nearly. Pure."""
+"""Text, JSON and bytes: the three types whose only field `data` is the payload itself, or nearly. Pure."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import json
 import math
 from typing import Any
 
-from metaros.broker.guess import BYTES, JSON, TEXT, TYPE_MARKER
+from metaros.broker.type_inference import BYTES, JSON, TEXT, TYPE_MARKER
 from metaros.errors import FieldError
 
-__all__ = ["plain_data", "plain_payload"]
+__all__ = ["raw_data", "raw_payload"]
 
 
-def plain_data(type_name: str, value: Any, payload: bytes) -> bytes | str | None:
+def raw_data(type_name: str, value: Any, payload: bytes) -> bytes | str | None:
     """What `data` of such a type is, for a payload and its parsed `value`; None where fields are to be converted.
 
     A String takes any text, `{"data": "text"}` for its own; Json any JSON; Bytes the payload as it is.
@@ -24,7 +24,7 @@ def plain_data(type_name: str, value: Any, payload: bytes) -> bytes | str | None
     return _text(value, payload) if type_name == TEXT and not _is_wrapped_text(value) else None
 
 
-def plain_payload(message: Any) -> bytes | None:
+def raw_payload(message: Any) -> bytes | None:
     """The reverse: JSON and bytes go out as they are; None for every other message."""
     name = message.__metaros_name__
     if name == BYTES:

@@ -1,4 +1,4 @@
-"""What the broker tells of itself: a row a topic and direction, faults once each."""
+"""The broker's report: a row for each topic and direction."""
 
 from __future__ import annotations
 

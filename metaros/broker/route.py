@@ -8,14 +8,14 @@ from typing import Any, Literal
 import zenoh
 
 from metaros.broker.backlog import Backlog
-from metaros.broker.dialect import from_payload
 from metaros.broker.faults import Faults
 from metaros.broker.frames import parse_payload
-from metaros.broker.guess import TYPE_MARKER, TypeTable, guess_type
-from metaros.broker.plain import plain_data
+from metaros.broker.raw_payload import raw_data
 from metaros.broker.report import Direction, TopicRow
 from metaros.broker.topics import others
+from metaros.broker.type_inference import TYPE_MARKER, TypeTable, infer_type
 from metaros.broker.types import Types
+from metaros.broker.v1_json import from_payload
 from metaros.errors import FieldError, MetarosError
 from metaros.idl import message_class
 from metaros.node import Node, Publisher
@@ -46,19 +46,19 @@ class Route:
         self._switches = 0
         self._publisher: Publisher | None = None
         self._probe: zenoh.Publisher | None = None
-        self._heard = False
+        self._matched = False
         self._young_until_s = 0.0
 
-    def heard(self) -> bool:
+    def has_listeners(self) -> bool:
         """Whether anybody listens, as far as known."""
-        return self._publisher is None or self._heard or self._node.clock.monotonic_s() < self._young_until_s
+        return self._publisher is None or self._matched or self._node.clock.monotonic_s() < self._young_until_s
 
     def ready(self) -> bool:
         """Whether messages can be converted: not while a node is asked for the topic's type."""
         if self._publisher is not None or self._table.type_of(self.topic) is not None:
             return True
-        ends = others(self._node, self.topic)
-        return bool(self._types.classes(ends)) or not self._types.pending(ends)
+        endpoints = others(self._node, self.topic)
+        return bool(self._types.classes(endpoints)) or not self._types.pending(endpoints)
 
     def forward(self, payload: bytes) -> None:
         """Convert one payload and publish it; what cannot be is counted and told once for each kind of fault."""
@@ -71,7 +71,7 @@ class Route:
             self._publisher.publish(message)
         except MetarosError as error:
             self.malformed += 1
-            self._faults.tell((self.topic, error.code), f"{self.topic}, from ZeroMQ: {error}")
+            self._faults.warn_once((self.topic, error.code), f"{self.topic}, from ZeroMQ: {error}")
         except Exception:  # a fault of ours: one topic's, not the bridge's
             self.malformed += 1
             if self._node.first_report(("zmq fault", self.topic)):
@@ -96,7 +96,7 @@ class Route:
             bridged=self.bridged,
             dropped=self.backlog.dropped,
             malformed=self.malformed,
-            heard=self._publisher is not None and self._heard,
+            heard=self._publisher is not None and self._matched,
         )
 
     def _choose(self, value: Any) -> tuple[type[Any], Origin]:
@@ -104,7 +104,7 @@ class Route:
         if mapped is not None:
             return message_class(mapped), "map"
         classes = self._types.classes(others(self._node, self.topic))
-        return (classes[0], "graph") if classes else (message_class(guess_type(value)), "guess")
+        return (classes[0], "graph") if classes else (message_class(infer_type(value)), "guess")
 
     def _heed_graph(self) -> None:
         classes = self._types.classes(others(self._node, self.topic))
@@ -127,7 +127,7 @@ class Route:
         self._heed_graph()
         if self._class is not before:
             return True
-        other = message_class(guess_type(value))
+        other = message_class(infer_type(value))
         if self._origin != "guess" or other is before or self._switches >= _SWITCHES:
             return False
         self._switches += 1
@@ -137,7 +137,7 @@ class Route:
     def _convert(self, value: Any, payload: bytes) -> Any:
         cls = self._class
         assert cls is not None
-        data = plain_data(_name(cls), value, payload)
+        data = raw_data(_name(cls), value, payload)
         if data is not None:
             return cls(data=data)
         if isinstance(value, dict):
@@ -146,7 +146,7 @@ class Route:
 
     def _ignored(self, path: str) -> None:
         text = f"{self.topic}, from ZeroMQ: {_name(self._class)} has no {path.partition('[')[0]}: it is left out"
-        self._faults.tell((self.topic, "field", path.partition("[")[0]), text)
+        self._faults.warn_once((self.topic, "field", path.partition("[")[0]), text)
 
     def _open(self, cls: type[Any], origin: Origin) -> None:
         """Publish as this type from now on."""
@@ -161,7 +161,7 @@ class Route:
         self._listener = self._probe.declare_matching_listener(self._on_matching)
 
     def _on_matching(self, status: Any) -> None:  # Zenoh's stub calls it a bool; it is an object
-        self._heard = bool(status.matching)
+        self._matched = bool(status.matching)
 
     def close(self) -> None:
         """Leave the topic."""

@@ -1,4 +1,4 @@
-"""Which ROS type a ZeroMQ topic has when no node says so: the user's table, a marker in the JSON, its fields. Pure."""
+"""Infers the ROS type of a ZeroMQ topic that no node has declared: user's table, marker in the JSON, fields. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from metaros.errors import ConfigError, MetarosError
 from metaros.idl import default_catalogue
 from metaros.idl.globs import Glob
 
-__all__ = ["BYTES", "JSON", "TEXT", "TYPE_MARKER", "TypeTable", "guess_type", "known_type"]
+__all__ = ["BYTES", "JSON", "TEXT", "TYPE_MARKER", "TypeTable", "infer_type", "known_type"]
 
 TYPE_MARKER: Final = "_type"  # {"_type": "sensor_msgs/BatteryState", …}: a program that knows the ROS type says it
 TEXT: Final = "std_msgs/msg/String"
@@ -43,7 +43,7 @@ _SHAPES: Final[Mapping[frozenset[str], str]] = {
 }
 
 
-def guess_type(value: Any) -> str:
+def infer_type(value: Any) -> str:
     """The ROS type for what `parse_payload` gave; `JSON` for what looks like nothing known."""
     if isinstance(value, bytes):
         return BYTES

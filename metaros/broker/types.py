@@ -43,14 +43,14 @@ class Types:
             self._ask(key)
         return None
 
-    def classes(self, ends: Iterable[EndpointInfo]) -> list[type[Any]]:
+    def classes(self, endpoints: Iterable[EndpointInfo]) -> list[type[Any]]:
         """The known classes of these endpoints, what subscriptions ask for first."""
-        ranked = sorted(ends, key=lambda item: (item.kind != "MS", item.type_name))
+        ranked = sorted(endpoints, key=lambda item: (item.kind != "MS", item.type_name))
         return list(dict.fromkeys(found for item in ranked if (found := self.find(item)) is not None))
 
-    def pending(self, ends: Iterable[EndpointInfo]) -> bool:
+    def pending(self, endpoints: Iterable[EndpointInfo]) -> bool:
         """Whether a type of these endpoints is being asked for now."""
-        return any((item.type_name, item.type_hash) in self._pending for item in ends)
+        return any((item.type_name, item.type_hash) in self._pending for item in endpoints)
 
     def close(self) -> None:
         """End the thread; an unanswered question may take its time, nobody waits for it."""
@@ -70,7 +70,7 @@ class Types:
                 fetch_type(self._node, *key)
             except MetarosError as error:
                 if not self._node.closed:
-                    self._faults.tell(key, f"not bridged: {str(error).splitlines()[0]}")
+                    self._faults.warn_once(key, f"not bridged: {str(error).splitlines()[0]}")
             except Exception:  # the session was closed meanwhile
                 if not self._node.closed:
                     _log.exception("asking for %s failed", key[0])

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from metaros.broker.plain import plain_payload
+from metaros.broker.raw_payload import raw_payload
 from metaros.errors import FieldError, TooLargeError
 from metaros.idl import message_class
 from metaros.idl.arrays import DTYPES, as_array
@@ -141,7 +141,7 @@ def _where(path: str, name: str) -> str:
 
 def to_payload(message: Any, *, seq: int = 0, strict: bool = False) -> bytes:
     """The message as JSON; `seq` goes into its header. TooLargeError over `LIMITS.broker_message_bytes`."""
-    plain = plain_payload(message)
+    plain = raw_payload(message)
     if plain is not None:
         return plain
     text = json.dumps(_plain_message(message, seq, strict), separators=(",", ":"), allow_nan=not strict)

@@ -1,14 +1,14 @@
-"""Wakes a thread that waits in a poller, from any other thread."""
+"""A self-pipe: wakes a thread that waits in a poller, from any other thread."""
 
 from __future__ import annotations
 
 import socket
 from contextlib import suppress
 
-__all__ = ["Waker"]
+__all__ = ["WakeupSocket"]
 
 
-class Waker:
+class WakeupSocket:
     """A pair of sockets: the poller waits on `fileno()`. One byte stands for any number of wakes."""
 
     def __init__(self) -> None:

@@ -16,12 +16,12 @@ from metaros.cdr.layout import Position as Known
 from metaros.cdr.wide import decode_wide
 from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["DECODE_ERRORS", "build_fast_decoder", "build_general_decoder"]
 

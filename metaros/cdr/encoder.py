@@ -16,12 +16,12 @@ from metaros.cdr.wide import encode_wide
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, Field, MessageDefinition
 from metaros.idl.arrays import DTYPES, as_array
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["build_encoder"]
 

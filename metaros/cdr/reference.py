@@ -14,12 +14,12 @@ from metaros.errors import DecodeError, FieldError
 from metaros.idl import Catalogue, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES, as_array
 from metaros.idl.definitions import INTEGER_RANGES
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["ReferenceDecoder", "ReferenceEncoder"]
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 from metaros.errors import ConfigError
 
 __all__ = ["register"]
@@ -27,7 +27,7 @@ def list_(output: FormatOption = Format.TEXT) -> None:
     """List them; the star marks the one that is asked."""
     from metaros.access.contexts import read
     from metaros.access.credentials import key_for
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     found = read()
     items = [
@@ -57,8 +57,8 @@ def add(
     """Remember a gateway under a name; the first one is used at once."""
     from metaros.access.contexts import change
     from metaros.access.credentials import save_key
-    from metaros.cli.gateway_http import GatewayClient
-    from metaros.cli.output import Output
+    from metaros.cli.shared.gateway_http import GatewayClient
+    from metaros.cli.shared.output import Output
 
     url = GatewayClient(gateway, key="").url  # says what is wrong with an address
     if ca is not None and not key:
@@ -77,7 +77,7 @@ def add(
 def use(name: Name) -> None:
     """Ask this one from now on."""
     from metaros.access.contexts import change
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     with change() as found:
         url = found.check(name)
@@ -88,8 +88,8 @@ def use(name: Name) -> None:
 @group.command("show")
 def show(output: FormatOption = Format.TEXT) -> None:
     """Print the address that commands ask now."""
-    from metaros.cli.gateway_http import open_gateway
-    from metaros.cli.output import Output
+    from metaros.cli.shared.gateway_http import open_gateway
+    from metaros.cli.shared.output import Output
 
     out, url = Output(output), open_gateway("").url
     if out.json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 from metaros.errors import UnknownTypeError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def list_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the types of the catalogue."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     names = _names(messages=messages, services=services, actions=actions)
     found = [name for name in names if word.lower() in name.lower()]
@@ -57,7 +57,7 @@ def packages(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the packages that have interfaces."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     names = _names(messages=messages, services=services, actions=actions)
     Output(output).names(sorted({name.split("/")[0] for name in names}))
@@ -69,8 +69,8 @@ def package(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the interfaces of one package."""
-    from metaros.cli.connection import closest
-    from metaros.cli.output import Output
+    from metaros.cli.shared.connection import closest
+    from metaros.cli.shared.output import Output
 
     names = _names()
     found = [full for full in names if full.startswith(f"{name}/")]
@@ -87,8 +87,8 @@ def proto(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Print a message with its default values, to copy, change and publish; of a service or action what one sends."""
-    from metaros.cli.output import Output
-    from metaros.cli.render import message_yaml, plain
+    from metaros.cli.shared.output import Output
+    from metaros.cli.shared.render import message_yaml, plain
     from metaros.idl import message_class
 
     full = _full(type_name)
@@ -108,7 +108,7 @@ def hash_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Print a type's RIHS01 hash; of a service or action the hashes of all that goes over the wire."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.idl import type_hash
 
     full = _full(type_name)
@@ -128,7 +128,7 @@ def show(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a type's fields, nested ones indented below theirs, and its hash."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.idl import default_catalogue, type_hash
 
     full = _full(type_name)
@@ -154,7 +154,7 @@ def _names(*, messages: bool = False, services: bool = False, actions: bool = Fa
 
 def _full(name: str) -> str:
     """A type as typed, `std_msgs/String` or `std_srvs/Trigger`, with its kind."""
-    from metaros.cli.types import full_type
+    from metaros.cli.shared.types import full_type
     from metaros.idl import default_catalogue
 
     names = default_catalogue()

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.afar.node import FarNode
+    from metaros.cli.remote.graph import RemoteGraph
+    from metaros.cli.remote.node import RemoteNode
     from metaros.node import Node
     from metaros.wire import Graph
 
@@ -33,15 +33,15 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("nodes")
-@visiting
+@graph_command
 def nodes(
-    at: Visit,
+    target: GraphTarget,
     all_: Annotated[bool, typer.Option("--all", "-a", help="Hidden nodes, too.")] = False,
     count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
 ) -> None:
     """List the nodes that have a lifecycle."""
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         names = [name for name in _lifecycle_nodes(graph) if all_ or "/_" not in name]
     if out.json:
         out.objects(names)
@@ -55,15 +55,15 @@ def nodes(
 
 
 @group.command("get")
-@visiting
+@graph_command
 def get(
-    at: Visit,
+    target: GraphTarget,
     node: Annotated[str, typer.Argument(metavar="NODE", help="All of them if left out.")] = "",
     timeout: Timeout = 10.0,
 ) -> None:
     """Print the state of one lifecycle node, or of all."""
-    out = at.out
-    with _asking(at, timeout_s=timeout) as asker:
+    out = target.out
+    with _asking(target, timeout_s=timeout) as asker:
         states = {name: asker.state(name) for name in ([asker.find(node)] if node else asker.names)}
     if out.json:
         rows = [{"node": name, "id": state.id, "label": state.label} for name, state in states.items()]
@@ -76,9 +76,9 @@ def get(
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     node: NodeArgument,
     all_: Annotated[
         bool, typer.Option("--all", "-a", help="Every transition there is, not only those from here.")
@@ -86,8 +86,8 @@ def list_(
     timeout: Timeout = 10.0,
 ) -> None:
     """List the transitions that are possible from the node's present state."""
-    out = at.out
-    with _asking(at, timeout_s=timeout) as asker:
+    out = target.out
+    with _asking(target, timeout_s=timeout) as asker:
         rows = asker.transitions(asker.find(node), graph=all_)
     if out.json:
         out.objects(
@@ -103,9 +103,9 @@ def list_(
 
 
 @group.command("set")
-@visiting
+@graph_command
 def set_(
-    at: Visit,
+    target: GraphTarget,
     node: NodeArgument,
     transition: Annotated[str, typer.Argument(metavar="TRANSITION", help="Its label or number, such as activate.")],
     timeout: Timeout = 10.0,
@@ -113,8 +113,8 @@ def set_(
     """Have a lifecycle node take a transition; exit code 1 where it fails."""
     from metaros.errors import PeerError
 
-    out = at.out
-    with _asking(at, timeout_s=timeout) as asker:
+    out = target.out
+    with _asking(target, timeout_s=timeout) as asker:
         name = asker.find(node)
         done = asker.change(name, transition)
         state = asker.state(name)
@@ -126,7 +126,7 @@ def set_(
         raise PeerError(f"Transitioning failed: {name} is {state.label}")
 
 
-def _lifecycle_nodes(graph: Graph | FarGraph) -> list[str]:
+def _lifecycle_nodes(graph: Graph | RemoteGraph) -> list[str]:
     """As ros2 tells them: by their service `get_state`."""
     return sorted(
         {
@@ -138,21 +138,21 @@ def _lifecycle_nodes(graph: Graph | FarGraph) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Asker:
+class _LifecycleServices:
     """Asks lifecycle nodes; `names` are those there are."""
 
-    at: Visit
-    own: Node | FarNode
+    target: GraphTarget
+    own: Node | RemoteNode
     names: list[str]
     known: list[str]
     timeout_s: float
 
     def find(self, node: str) -> str:
         """The full name of a lifecycle node; UnavailableError with a hint otherwise."""
-        from metaros.cli.connection import closest
+        from metaros.cli.shared.connection import closest
         from metaros.errors import UnavailableError
 
-        name = self.at.absolute(node)
+        name = self.target.absolute(node)
         if name in self.names:
             return name
         if name in self.known:
@@ -194,8 +194,8 @@ class _Asker:
 
 
 @contextmanager
-def _asking(at: Visit, *, timeout_s: float) -> Iterator[_Asker]:
+def _asking(target: GraphTarget, *, timeout_s: float) -> Iterator[_LifecycleServices]:
     """A node of ours beside a settled graph."""
-    with at.node() as own:
+    with target.node() as own:
         known = [node.full_name for node in own.graph.nodes()]
-        yield _Asker(at, own, _lifecycle_nodes(own.graph), known, timeout_s)
+        yield _LifecycleServices(target, own, _lifecycle_nodes(own.graph), known, timeout_s)

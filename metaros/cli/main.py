@@ -100,9 +100,9 @@ def exit_code(error: MetarosError) -> int:
 
 def _say(error: MetarosError) -> None:
     """The first line in red, further lines (what to do) plain."""
-    from metaros.inert import inert_lines  # what it says may be of a robot or a server
+    from metaros.sanitize import sanitize_lines  # what it says may be of a robot or a server
 
-    first, _, rest = inert_lines(str(error) or error.code).partition("\n")
+    first, _, rest = sanitize_lines(str(error) or error.code).partition("\n")
     if sys.stderr.isatty() and "NO_COLOR" not in os.environ:
         first = f"\x1b[1;31m✗\x1b[0m \x1b[31m{first}\x1b[0m"
     else:

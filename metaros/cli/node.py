@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
-from metaros.cli.watching import WatchOption
+from metaros.cli.graph_target.target import GraphTarget, graph_command
+from metaros.cli.shared.watch import WatchOption
 from metaros.errors import UsageError
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -32,7 +32,7 @@ SECTIONS = (
 ACTION_SECTIONS = (("sources", "Action Servers", "action_servers"), ("sinks", "Action Clients", "action_clients"))
 
 
-AFAR = "metaros.cli.afar"  # the group of entry points: modules that know a gateway
+REMOTE_GROUP = "metaros.cli.remote"  # the group of entry points: modules that know a gateway
 
 Robot = Annotated[str, typer.Option("--robot", "-r", metavar="ROBOT", help="Of this robot, by a gateway.")]
 Selector = Annotated[
@@ -47,43 +47,43 @@ Gateway = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    """Add the noun, with the verbs from afar where there is who knows them."""
-    if (far := afar()) is not None:
+    """Add the noun, with the verbs for remote robots where a package provides them."""
+    if (far := remote_commands()) is not None:
         far.register(group)
     app.add_typer(group)
 
 
 @cache
-def afar() -> Any:
-    """The gateway's half; None where it is not installed."""
-    found = next(iter(entry_points(group=AFAR, name="node")), None)
+def remote_commands() -> Any:
+    """The commands for remote robots, which the gateway's package provides; None where it is not installed."""
+    found = next(iter(entry_points(group=REMOTE_GROUP, name="node")), None)
     return found.load() if found is not None else None
 
 
-def _afar() -> Any:
-    if (far := afar()) is None:
+def _remote_commands() -> Any:
+    if (far := remote_commands()) is None:
         raise UsageError("robots are asked by a gateway: install metaros[gateway]")
     return far
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
     robot: Robot = "",
     selector: Selector = "",
-    state: Annotated[str, typer.Option("--state", metavar="STATE", help="From afar: only those, as running.")] = "",
+    state: Annotated[str, typer.Option("--state", metavar="STATE", help="With --robot: only these, as running.")] = "",
     again: WatchOption = False,
     ros: Annotated[bool, typer.Option("--ros", help="With --robot: the nodes of its ROS graph.")] = False,
     gateway: Gateway = "",
 ) -> None:
     """List the nodes of the graph, or those that robots run."""
-    out = at.out
+    out = target.out
     if (robot and not ros) or selector:
-        _afar().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway, again=again)
+        _remote_commands().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway, again=again)
         return
-    with at.look() as graph:
+    with target.open_graph() as graph:
         nodes = sorted(graph.nodes(), key=lambda node: node.full_name)
     names = [node.full_name for node in nodes]
     if count:
@@ -105,27 +105,27 @@ def _warn_twins(names: list[str], out: Output) -> None:
 
 
 @group.command("info")
-@visiting
+@graph_command
 def info(
-    at: Visit,
+    target: GraphTarget,
     node: Annotated[str, typer.Argument(metavar="NODE", help="Such as /sim_1/base.")],
     hidden: Annotated[bool, typer.Option("--include-hidden", help="Also the topics and services of actions.")] = False,
     robot: Robot = "",
     gateway: Gateway = "",
 ) -> None:
     """Show a node's publishers, subscribers, services, clients and actions; of a robot's node, how it does."""
-    from metaros.cli.graph_model import draw
-    from metaros.cli.names import is_hidden, no_such
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.shared.names import is_hidden, no_such
 
-    out = at.out
+    out = target.out
     if robot and not node.startswith("/"):
-        _afar().show_node(out, node, robot=robot, gateway=gateway)
+        _remote_commands().show_node(out, node, robot=robot, gateway=gateway)
         return
-    name = at.absolute(node)
-    with at.look() as graph:
+    name = target.absolute(node)
+    with target.open_graph() as graph:
         known = {item.full_name for item in graph.nodes()}
         endpoints = graph.endpoints()
-        actions = [link for link in draw([], graph.tokens()).links if link.kind == "action"]
+        actions = [link for link in build_graph_model([], graph.tokens()).links if link.kind == "action"]
     if name not in known:
         raise no_such("node", name, known)
     own = [item for item in endpoints if item.node_full_name == name and (hidden or not is_hidden(item.topic))]

@@ -37,13 +37,15 @@ class Noun:
 
 
 NOUNS = (
-    Noun("up", "metaros.cli.up", SYSTEM, "Gateway, dashboard, simulated robots and this machine, in one command"),
+    Noun(
+        "up", "metaros.cli.up.commands", SYSTEM, "Gateway, dashboard, simulated robots and this machine, in one command"
+    ),
     Noun("status", "metaros.cli.status", SYSTEM, "What runs, on which ports"),
-    Noun("doctor", "metaros.cli.doctor", SYSTEM, "Check every hop; name the one that fails, and the fix"),
-    Noun("launch", "metaros.cli.launch", SYSTEM, "Keep a table of nodes running: FILE, status, restart, stop"),
+    Noun("doctor", "metaros.cli.doctor.commands", SYSTEM, "Check every hop; name the one that fails, and the fix"),
+    Noun("launch", "metaros.cli.launch.commands", SYSTEM, "Keep a table of nodes running: FILE, status, restart, stop"),
     Noun("supervisor", "metaros.cli.supervisor", SYSTEM, "Keep a robot's nodes running: status, stop"),
     Noun("router", "metaros.cli.router", SYSTEM, "Host the Zenoh router of this machine"),
-    Noun("broker", "metaros.cli.broker", SYSTEM, "Bridge ZeroMQ programs, old and new, to ROS topics", "zmq"),
+    Noun("broker", "metaros.cli.broker.commands", SYSTEM, "Bridge ZeroMQ programs, old and new, to ROS topics", "zmq"),
     Noun("agent", "", SYSTEM, "A robot's agent: forward its topics to a gateway", "agent"),
     Noun("agent-slot", "", SYSTEM, "The same in the version that updates have brought; taken back when bad", "agent"),
     Noun("gateway", "", SYSTEM, "The gateway: agents' link, API, dashboard", "gateway"),
@@ -53,20 +55,21 @@ NOUNS = (
     Noun("key", "", SYSTEM, "create, list, revoke: how programs sign in", "gateway"),
     Noun("audit", "", SYSTEM, "list, verify: who changed what, and the proof of that log", "gateway"),
     Noun("ca", "", SYSTEM, "list, rotate, renew, retire: who signs robots' certificates", "gateway"),
-    Noun("topic", "metaros.cli.topic", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
+    Noun("topic", "metaros.cli.topic.commands", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
     Noun("node", "metaros.cli.node", GRAPH, "list, info; of robots: start, stop, log, set, param, lifecycle …"),
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),
-    Noun("param", "metaros.cli.param", GRAPH, "list, get, set, describe, dump, load, delete"),
-    Noun("action", "metaros.cli.action", GRAPH, "list, info, type, find, send_goal"),
+    Noun("param", "metaros.cli.param.commands", GRAPH, "list, get, set, describe, dump, load, delete"),
+    Noun("action", "metaros.cli.action.commands", GRAPH, "list, info, type, find, send_goal"),
     Noun("lifecycle", "metaros.cli.lifecycle", GRAPH, "nodes, get, list, set: managed nodes and their states"),
     Noun("interface", "metaros.cli.interface", GRAPH, "list, show, proto, hash: message, service and action types"),
-    Noun("top", "metaros.cli.top", GRAPH, "Nodes and topics with their rates, live"),
-    Noun("graph", "metaros.cli.graph", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),
+    Noun("top", "metaros.cli.top.commands", GRAPH, "Nodes and topics with their rates, live"),
+    Noun("graph", "metaros.cli.graph.commands", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),
     Noun("sim", "metaros.cli.sim", ROBOTS, "Simulated robots in a small warehouse"),
-    Noun("bag", "metaros.cli.bag", ROBOTS, "record, info, play, cut, export, save, recover: MCAP recordings"),
+    Noun("bag", "metaros.cli.bag.commands", ROBOTS, "record, info, play, cut, export, save, recover: MCAP recordings"),
     Noun("play", "metaros.cli.play", ROBOTS, "Replay a recording, or a real robot's log, as live topics"),
     Noun("robot", "", ROBOTS, "list, token, identities, label, revoke: which robots belong to the fleet", "gateway"),
     Noun("twin", "", ROBOTS, "show, set, patch, diff, history, revert, template: what robots are to be", "gateway"),
+    Noun("command", "", ROBOTS, "send, list, show, cancel: what robots are told to do, and what came of it", "gateway"),
     Noun("update", "", ROBOTS, "init-root, add, sign, publish, list, withdraw: signed versions for robots", "gateway"),
     Noun("rollout", "", ROBOTS, "start, show, pause, resume, abort: a version for many robots, in waves", "gateway"),
     Noun("alert", "", ROBOTS, "list, show, ack, silence, normal, backtest …: what is wrong, and why", "gateway"),
@@ -82,7 +85,7 @@ NOUNS = (
     Noun("history", "", ROBOTS, "topics, messages, export: what a gateway has stored", "gateway"),
     Noun("anomaly", "", ROBOTS, "score: what is unusual in a file of samples", "gateway"),
     Noun("seal", "metaros.cli.seal", ROBOTS, "key, open: sealed topics, which the gateway cannot read"),
-    Noun("driver", "metaros.cli.driver", ROBOTS, "list, probe, info, run, new: cameras and other devices"),
+    Noun("driver", "metaros.cli.driver.commands", ROBOTS, "list, probe, info, run, new: cameras and other devices"),
 )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
 
 if TYPE_CHECKING:
     from metaros.record import PlayReport
@@ -44,9 +44,9 @@ def play(
     """Replay a real robot's log as LaserScan, Odometry and tf; a recording (.mcap) as `metaros bag play` does."""
     from dataclasses import asdict
 
-    from metaros.cli import running
-    from metaros.cli.connection import connect
-    from metaros.cli.output import Output
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
+    from metaros.cli.shared.output import Output
     from metaros.record import play_carmen
 
     if file.suffix == ".mcap" or file.is_dir():
@@ -75,9 +75,9 @@ def play(
 def _play_bag(
     file: Path, rate: float, limit: float, loop: bool, wait: float, zenoh_port: int, domain: int, output: Format
 ) -> None:
-    from metaros.cli import running
-    from metaros.cli.bag_play import play_recording
-    from metaros.cli.connection import connect
+    from metaros.cli.bag.play import play_recording
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
     from metaros.record import Player
 
     with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:

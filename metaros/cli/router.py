@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, CredentialsFolder, ProfileOption, StatusFile, ZenohProfile
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, CredentialsFolder, ProfileOption, StatusFile, ZenohProfile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,7 +48,7 @@ def router(
     status_file: StatusFile = "",
 ) -> None:
     """Host a Zenoh router until Ctrl-C. Where one runs already there is nothing to do, and it says so."""
-    from metaros.cli import running
+    from metaros.cli.shared import running
     from metaros.errors import UsageError
     from metaros.wire.profile import default_folder
     from metaros.wire.router import other_routers
@@ -80,7 +80,7 @@ def open_or_join(
     """A router of our own, or None where there is one already; ConfigError where the port is another program's, or
     where a router is to be `protected` and one that is not has the port: `other` is the command for another port.
     """
-    from metaros.cli.up_ports import port_owner
+    from metaros.cli.shared.ports import port_owner
     from metaros.errors import ConfigError
     from metaros.wire.router import open_router, probe
 
@@ -94,7 +94,7 @@ def open_or_join(
 
 def _await_port(port: int, host: str, stop: Event, protected: Path | None, connect: Sequence[str]) -> Router | None:
     """Wait for the port; None when asked to stop. Of several understudies one gets it, the others wait on."""
-    from metaros.cli.up_ports import port_free
+    from metaros.cli.shared.ports import port_free
     from metaros.errors import ConfigError
     from metaros.wire.router import open_router
 

@@ -71,8 +71,8 @@ def _by_network(options: argparse.Namespace, problems: list[str]) -> None:
 
 
 def _publish(node: Node, wanted: Sequence[str], problems: list[str]) -> None:
+    from metaros.concurrency.waiting import pause
     from metaros.idl import message_class
-    from metaros.waiting import pause
 
     publishers = []
     for text in wanted:

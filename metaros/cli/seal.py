@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 __all__ = ["register"]
 
@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 @keys.command("new")
 def new(keyring: KeyringPath, output: FormatOption = Format.TEXT) -> None:
     """Make a keyring with one key. A file that is there is not overwritten."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.clock import SystemClock
     from metaros.seal import Keyring, SealKey
 
@@ -38,7 +38,7 @@ def new(keyring: KeyringPath, output: FormatOption = Format.TEXT) -> None:
 @keys.command("list")
 def list_(keyring: KeyringPath, output: FormatOption = Format.TEXT) -> None:
     """Show the keys' ids and ages, the one that seals first; never their secrets."""
-    from metaros.cli.output import Output, human_seconds
+    from metaros.cli.shared.output import Output, human_seconds
     from metaros.clock import SystemClock
     from metaros.seal import Keyring
 
@@ -60,7 +60,7 @@ def rotate(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Add a key that seals from now on; those before it still open what they sealed."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.clock import SystemClock
     from metaros.limits import LIMITS
     from metaros.seal import Keyring, SealKey
@@ -86,7 +86,7 @@ def open_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Open the sealed topics of a recording. What was changed, moved or repeated is left out, told, and ends with 1."""
-    from metaros.cli.output import Output, counted
+    from metaros.cli.shared.output import Output, counted
     from metaros.record import open_bag
     from metaros.record.unseal import unseal
     from metaros.seal import Keyring
@@ -107,7 +107,7 @@ def open_(
 
 
 def _say_current(out: object, keyring: Path, key_id: str) -> None:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     assert isinstance(out, Output)
     if out.json:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.remote.graph import RemoteGraph
     from metaros.wire import Graph
 
 __all__ = ["register"]
@@ -26,18 +26,18 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each service's type.")] = False,
     count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
     hidden: Annotated[bool, typer.Option("--include-hidden-services", help="Those of actions, too.")] = False,
 ) -> None:
     """List the services that a node serves."""
-    from metaros.cli.names import is_hidden
+    from metaros.cli.shared.names import is_hidden
 
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         services = {name: types for name, types in _services(graph).items() if hidden or not is_hidden(name)}
     if count:
         out.line(str(len(services)))
@@ -51,47 +51,47 @@ def list_(
 
 
 @group.command("type")
-@visiting
-def type_(at: Visit, service: ServiceArgument) -> None:
+@graph_command
+def type_(target: GraphTarget, service: ServiceArgument) -> None:
     """Print a service's type."""
 
-    out, name = at.out, at.absolute(service)
-    with at.look() as graph:
+    out, name = target.out, target.absolute(service)
+    with target.open_graph() as graph:
         _type_of(graph, name, "")  # says what is wrong where nobody serves it
         types = _services(graph)[name]
     out.names(types)
 
 
 @group.command("find")
-@visiting
+@graph_command
 def find(
-    at: Visit,
+    target: GraphTarget,
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.")],
     count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
 ) -> None:
     """List the services of a type."""
-    from metaros.cli.names import known_type
+    from metaros.cli.shared.names import known_type
 
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         services = _services(graph)
     full = known_type(type_name, "srv", {item for types in services.values() for item in types})
     out.names([name for name, types in services.items() if full in types], count=count)
 
 
 @group.command("info")
-@visiting
+@graph_command
 def info(
-    at: Visit,
+    target: GraphTarget,
     service: ServiceArgument,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each server and client, with its hash.")] = False,
 ) -> None:
     """Show a service's type, servers and clients."""
-    from metaros.cli.endpoints import endpoint_facts, print_endpoints
-    from metaros.cli.names import no_such
+    from metaros.cli.shared.endpoints import endpoint_facts, print_endpoints
+    from metaros.cli.shared.names import no_such
 
-    out, name = at.out, at.absolute(service)
-    with at.look() as graph:
+    out, name = target.out, target.absolute(service)
+    with target.open_graph() as graph:
         known, ends = graph.services(), [item for item in graph.endpoints(topic=name) if item.kind in ("SS", "SC")]
     if not ends:
         raise no_such("service", name, known)
@@ -103,9 +103,9 @@ def info(
 
 
 @group.command("call")
-@visiting
+@graph_command
 def call(
-    at: Visit,
+    target: GraphTarget,
     service: ServiceArgument,
     type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
     values: Annotated[str, typer.Argument(metavar="YAML", help="The request's fields.")] = "",
@@ -114,22 +114,22 @@ def call(
     ] = 10.0,
 ) -> None:
     """Call a service and print its response."""
-    from metaros.cli.render import message_yaml, plain
-    from metaros.cli.types import full_type, parse_values
+    from metaros.cli.shared.render import message_yaml, plain
+    from metaros.cli.shared.types import full_type, parse_values
     from metaros.errors import TimeoutError_
     from metaros.idl import message_class
     from metaros.idl.json import from_json
 
-    out = at.out
-    name = at.absolute(service)
+    out = target.out
+    name = target.absolute(service)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
-    with at.node() as node:
+    with target.node() as node:
         full = _type_of(node.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
         kind: Any = message_class(full)
         request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
         client = node.create_client(kind, name)
-        if not client.wait_for_service(min(timeout, max(at.spin_time, 0.1))):
+        if not client.wait_for_service(min(timeout, max(target.spin_time, 0.1))):
             raise TimeoutError_(f"{name} does not answer: its node may have stopped")
         response = client.call(request, timeout_s=timeout)
     if out.json:
@@ -138,16 +138,16 @@ def call(
         out.line(message_yaml(response))
 
 
-def _services(graph: Graph | FarGraph) -> dict[str, list[str]]:
+def _services(graph: Graph | RemoteGraph) -> dict[str, list[str]]:
     found: dict[str, set[str]] = {}
     for item in graph.endpoints(kind="SS"):
         found.setdefault(item.topic, set()).add(item.type_name)
     return {name: sorted(types) for name, types in sorted(found.items())}
 
 
-def _type_of(graph: Graph | FarGraph, name: str, wanted: str) -> str:
+def _type_of(graph: Graph | RemoteGraph, name: str, wanted: str) -> str:
     """The type that the service's server declares; UnavailableError where there is none."""
-    from metaros.cli.names import no_such
+    from metaros.cli.shared.names import no_such
     from metaros.errors import UsageError
 
     services = _services(graph)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, StatusFile, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, StatusFile, ZenohPort
 
 __all__ = ["register"]
 
@@ -35,8 +35,8 @@ def sim(
     status_file: StatusFile = "",
 ) -> None:
     """Run simulated robots until Ctrl-C: odometry, laser, battery, IMU, camera, tf; they obey cmd_vel."""
-    from metaros.cli import running
-    from metaros.cli.connection import connect
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
     from metaros.sim import run_sim
 
     with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:

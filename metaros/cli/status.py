@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 if TYPE_CHECKING:
-    from metaros.cli.instance import Instance
-    from metaros.cli.output import Output
+    from metaros.cli.shared.instances import Instance
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -23,8 +23,8 @@ def register(app: typer.Typer) -> None:
 
 def status(output: FormatOption = Format.TEXT) -> None:
     """Show running instances with their ports, robots and processes; exit code 1 where there is none."""
-    from metaros.cli.instance import running_instances
-    from metaros.cli.output import Output
+    from metaros.cli.shared.instances import running_instances
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     instances = running_instances()
@@ -42,7 +42,7 @@ def status(output: FormatOption = Format.TEXT) -> None:
 def _viewers(found: Instance) -> list[tuple[str, str]]:
     """Where viewers connect, and a link that opens one of them in a browser."""
     from metaros.access.credentials import ca_for, key_for
-    from metaros.cli.viewer_links import foxglove_page, make_ticket, socket_url
+    from metaros.cli.up.viewer_links import foxglove_page, make_ticket, socket_url
 
     rows = []
     if found.foxglove_port:
@@ -57,8 +57,8 @@ def _viewers(found: Instance) -> list[tuple[str, str]]:
 
 def _show(out: Output, found: Instance) -> None:
     from metaros.access.credentials import key_for
-    from metaros.cli.output import human_seconds
-    from metaros.cli.up_ready import robots_online
+    from metaros.cli.shared.output import human_seconds
+    from metaros.cli.up.ready import robots_online
     from metaros.clock import SystemClock
 
     online = robots_online(found.url, key=key_for(found.url))

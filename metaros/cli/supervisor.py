@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import Format, FormatOption, StatusFile
+from metaros.cli.shared.options import Format, FormatOption, StatusFile
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -44,8 +44,8 @@ def supervise(
     import asyncio
     import logging
 
-    from metaros.cli.running import status_file as as_path
-    from metaros.cli.running import write_status
+    from metaros.cli.shared.running import status_file as as_path
+    from metaros.cli.shared.running import write_status
     from metaros.supervise import program
 
     folder = folder_of(state_dir, name)
@@ -61,7 +61,7 @@ def supervise(
 
 def status(state_dir: StateDir = None, name: Name = "", output: FormatOption = Format.TEXT) -> None:
     """Show the nodes and how they do. Exit code 1 where no supervisor runs."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.errors import UnavailableError
     from metaros.supervise.client import ask
 
@@ -82,10 +82,10 @@ def status(state_dir: StateDir = None, name: Name = "", output: FormatOption = F
 
 def stop(state_dir: StateDir = None, name: Name = "") -> None:
     """Ask the supervisor to end: its nodes stop in order. Its agent starts none until you do."""
+    from metaros.concurrency.waiting import pause
     from metaros.errors import TimeoutError_
     from metaros.supervise import program
     from metaros.supervise.client import ask
-    from metaros.waiting import pause
 
     folder = folder_of(state_dir, name)
     ask(folder, "shutdown")

@@ -15,7 +15,7 @@ import grpc
 import grpc.aio
 
 from metaros._proto import alerts_pb2_grpc, events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
-from metaros.client import asks, rpc
+from metaros.client import requests, rpc
 from metaros.client.access import find_access
 from metaros.client.alerts_aio import AsyncAlerts
 from metaros.client.drive import AsyncDrive
@@ -85,14 +85,14 @@ class AsyncClient:
         found: list[Robot] = []
         after: Any = None
         while True:
-            page, after = await self._http.send(asks.robots(selector=selector, after=after))
+            page, after = await self._http.send(requests.robots(selector=selector, after=after))
             found += page
             if after is None:
                 return found
 
     async def robot(self, robot: str) -> Robot:
         """One robot."""
-        return await self._http.send(asks.get(asks.robot_path(robot), Robot.of))
+        return await self._http.send(requests.get(requests.robot_path(robot), Robot.of))
 
     async def publish(
         self,
@@ -110,7 +110,7 @@ class AsyncClient:
         `type_name` may be left out where the robot announces the topic. Returns when the robot's agent has done it.
         """
         await self._http.send(
-            asks.publish(
+            requests.publish(
                 robot, topic, message, type_name=type_name, lease_id=lease_id, sent_ns=sent_ns, timeout_s=timeout_s
             )
         )
@@ -126,7 +126,9 @@ class AsyncClient:
         lease_id: str = "",
     ) -> Any:
         """Call a service of a robot; its answer as a mapping. Never sent twice."""
-        asked = asks.call(robot, service, request or {}, type_name=type_name, timeout_s=timeout_s, lease_id=lease_id)
+        asked = requests.call(
+            robot, service, request or {}, type_name=type_name, timeout_s=timeout_s, lease_id=lease_id
+        )
         return await self._http.send(asked)
 
     async def send_goal(
@@ -204,15 +206,15 @@ class AsyncClient:
         self, robot: str, series: Names, *, start: str = "-15m", end: str = "now", points: int = 500
     ) -> dict[str, Series]:
         """Series over a time, by name, at most so many points of each."""
-        return await self._http.send(asks.series(robot, series, start=start, end=end, points=points))
+        return await self._http.send(requests.series(robot, series, start=start, end=end, points=points))
 
     async def metrics(self, robot: str) -> list[Any]:
         """The robot's stored series, each with its newest value."""
-        return await self._http.send(asks.metrics(robot))
+        return await self._http.send(requests.metrics(robot))
 
     async def snapshot(self, robot: str) -> Any:
         """The newest message of each of the robot's topics, and its newest values."""
-        return await self._http.send(asks.get(asks.robot_path(robot, "/snapshot"), dict))
+        return await self._http.send(requests.get(requests.robot_path(robot, "/snapshot"), dict))
 
     async def command(
         self,
@@ -229,27 +231,27 @@ class AsyncClient:
         It carries a key by which the gateway knows it again, so that it is sent again where an answer got lost.
         """
         key = idempotency_key or uuid.uuid4().hex
-        asked = asks.command(robot, kind, request or {}, key=key, wait_s=wait_s, options=options)
+        asked = requests.command(robot, kind, request or {}, key=key, wait_s=wait_s, options=options)
         return await self._http.send(asked)
 
     async def twin(self, robot: str) -> Any:
         """The robot's desired and reported state."""
-        return await self._http.send(asks.get(asks.robot_path(robot, "/twin"), dict))
+        return await self._http.send(requests.get(requests.robot_path(robot, "/twin"), dict))
 
     async def change_twin(self, robot: str, patch: Mapping[str, Any]) -> Any:
         """Change the robot's own document by a JSON merge patch; what the gateway says of the change."""
-        return await self._http.send(asks.merge(asks.robot_path(robot, "/twin"), dict(patch)))
+        return await self._http.send(requests.merge(requests.robot_path(robot, "/twin"), dict(patch)))
 
     async def recordings(self, robot: str | None = None, *, limit: int = 100) -> list[Any]:
         """The newest recordings, of one robot or of all."""
-        wanted = asks.get("/api/v1/recordings", lambda answer: list(answer["recordings"]), robot=robot, limit=limit)
+        wanted = requests.get("/api/v1/recordings", lambda answer: list(answer["recordings"]), robot=robot, limit=limit)
         return await self._http.send(wanted)
 
     async def events(
         self, *, after: int | None = None, kinds: Names | None = None, robots: Names | None = None
     ) -> AsyncGenerator[Event, None]:
         """What happens in the fleet, from now on or behind a cursor; a loss of the connection loses none."""
-        place = rpc.Place(after, kinds, robots)
+        place = rpc.EventPosition(after, kinds, robots)
         async with aclosing(self._again(self._watch_events, place.request)) as replies:
             async for reply, _ in replies:
                 for event in place.events(reply):
@@ -334,7 +336,7 @@ class AsyncClient:
         """The channel, made when it is wanted first: the gateway says on which port."""
         if self._channel is None:
             if not self._target:
-                port = await self._http.send(asks.programs_port())
+                port = await self._http.send(requests.programs_port())
                 self._target = f"{self.access.host}:{port}"
             self._channel = rpc.aio_channel(self.access, self._target)
         return self._channel

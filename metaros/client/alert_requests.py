@@ -1,4 +1,4 @@
-"""What the clients ask about alerts, as values; see `metaros.client.asks`."""
+"""REST requests about alerts, as values; see `metaros.client.requests`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from metaros._proto import alerts_pb2
 from metaros.client.alert_results import Alert
-from metaros.client.asks import Ask, get, robot_path
+from metaros.client.requests import RestRequest, get, robot_path
 from metaros.client.rpc import patterns
 from metaros.limits import LIMITS
 
@@ -52,7 +52,7 @@ def alerts(
     quiet: bool | None,
     limit: int,
     before: Any,
-) -> Ask[tuple[list[Alert], Any]]:
+) -> RestRequest[tuple[list[Alert], Any]]:
     """A page of alerts, and where the next one begins; None: nowhere."""
     query = {
         "state": patterns(states) or None,
@@ -73,69 +73,71 @@ def alerts(
     return get(PATH, read, **query)
 
 
-def alert(alert_id: str) -> Ask[Alert]:
+def alert(alert_id: str) -> RestRequest[Alert]:
     """One, with its findings and remarks."""
     return get(_path(alert_id), Alert.of)
 
 
-def action(alert_id: str, verb: str, body: Mapping[str, Any], *, idempotent: bool = True) -> Ask[Alert]:
+def action(alert_id: str, verb: str, body: Mapping[str, Any], *, idempotent: bool = True) -> RestRequest[Alert]:
     """What somebody does with one. Doing it again changes nothing, but for a comment, which carries a key for that."""
     return _post(_path(alert_id, f"/{verb}"), body, Alert.of, once=not idempotent)
 
 
-def normal(alert_id: str, text: str) -> Ask[list[str]]:
+def normal(alert_id: str, text: str) -> RestRequest[list[str]]:
     """What was taught."""
     return _post(_path(alert_id, "/normal"), {"text": text}, lambda answer: list(answer["taught"]))
 
 
-def silence(alert_id: str, *, for_s: float, reason: str) -> Ask[Any]:
+def silence(alert_id: str, *, for_s: float, reason: str) -> RestRequest[Any]:
     """A silence of an alert's cause on its robot."""
     return _post(_path(alert_id, "/silence"), {"for_s": for_s, "reason": reason}, _itself, once=True)
 
 
-def clip(alert_id: str) -> Ask[str]:
+def clip(alert_id: str) -> RestRequest[str]:
     """The id of the recording of its evidence."""
     return _post(_path(alert_id, "/clip"), {}, lambda answer: str(answer["id"]))
 
 
-def silences() -> Ask[list[Any]]:
+def silences() -> RestRequest[list[Any]]:
     """Those that are not over."""
     return get("/api/v1/silences", lambda answer: list(answer["silences"]), limit=MOST)
 
 
-def add_silence(*, robots: Names | None, causes: Names | None, up_to: str, for_s: float, reason: str) -> Ask[Any]:
+def add_silence(
+    *, robots: Names | None, causes: Names | None, up_to: str, for_s: float, reason: str
+) -> RestRequest[Any]:
     """A silence of whatever matches."""
     body = {"robots": patterns(robots), "causes": patterns(causes), "up_to": up_to, "for_s": for_s, "reason": reason}
     return _post("/api/v1/silences", body, _itself, once=True)
 
 
-def end_silence(silence_id: str) -> Ask[Any]:
+def end_silence(silence_id: str) -> RestRequest[Any]:
     """No longer silent."""
-    return Ask(method="DELETE", path=f"/api/v1/silences/{quote(silence_id, safe='')}", read=_itself)
+    return RestRequest(method="DELETE", path=f"/api/v1/silences/{quote(silence_id, safe='')}", read=_itself)
 
 
-def checks() -> Ask[list[Any]]:
+def checks() -> RestRequest[list[Any]]:
     """The table of checks."""
     return get("/api/v1/alert-checks", lambda answer: list(answer["checks"]), limit=MOST)
 
 
-def check(check_id: str, changes: Mapping[str, Any]) -> Ask[Any]:
+def check(check_id: str, changes: Mapping[str, Any]) -> RestRequest[Any]:
     """Change a check."""
     content = json.dumps(dict(changes)).encode()
-    return Ask(method="PUT", path=_check_path(check_id), read=_itself, content=content, idempotent=True)
+    return RestRequest(method="PUT", path=_check_path(check_id), read=_itself, content=content, idempotent=True)
 
 
-def reset_check(check_id: str) -> Ask[Any]:
+def reset_check(check_id: str) -> RestRequest[Any]:
     """Put a check back."""
-    return Ask(method="DELETE", path=_check_path(check_id), read=_itself, idempotent=True)
+    return RestRequest(method="DELETE", path=_check_path(check_id), read=_itself, idempotent=True)
 
 
-def learning(robot: str) -> Ask[list[Any]]:
+def learning(robot: str) -> RestRequest[list[Any]]:
     """What is learned of each series."""
     return get(robot_path(robot, "/watch"), lambda answer: list(answer["series"]), limit=MOST)
 
 
-def band(robot: str, series: str, *, start: str, end: str) -> Ask[list[Any]]:
+def band(robot: str, series: str, *, start: str, end: str) -> RestRequest[list[Any]]:
     """Points of a series with what was expected."""
     query = {"series": series, "from": start, "to": end}
     return get(robot_path(robot, "/watch/band"), lambda answer: list(answer["points"]), **query)
@@ -149,12 +151,12 @@ def backtest(
     end: str,
     checks: Mapping[str, Mapping[str, Any]] | None,
     only: Names | None,
-) -> Ask[Any]:
+) -> RestRequest[Any]:
     """What would have fired."""
     changes = {name: dict(change) for name, change in (checks or {}).items()}
     wanted = {"robot": robot, "series": patterns(series), "from": start, "to": end}
     body = json.dumps({**wanted, "checks": changes, "detectors": patterns(only)}).encode()
-    return Ask(
+    return RestRequest(
         method="POST", path="/api/v1/backtests", read=_itself, content=body, timeout_s=LIMITS.backtest_s + SLACK_S
     )
 
@@ -167,11 +169,11 @@ def watch_request(
     return alerts_pb2.WatchAlertsRequest(filter=wanted)
 
 
-def _post(path: str, body: Mapping[str, Any], read: Callable[[Any], T], *, once: bool = False) -> Ask[T]:
+def _post(path: str, body: Mapping[str, Any], read: Callable[[Any], T], *, once: bool = False) -> RestRequest[T]:
     """With `once` it carries a key by which the gateway knows it again."""
     headers = {"idempotency-key": uuid.uuid4().hex} if once else {}
     content = json.dumps(dict(body)).encode()
-    return Ask(method="POST", path=path, read=read, content=content, headers=headers, idempotent=True)
+    return RestRequest(method="POST", path=path, read=read, content=content, headers=headers, idempotent=True)
 
 
 def _check_path(check_id: str) -> str:

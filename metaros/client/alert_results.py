@@ -1,4 +1,4 @@
-"""Alerts as the clients answer with them, from REST's documents and from gRPC's messages."""
+"""Alerts as the clients return them, from REST's documents and from gRPC's messages."""
 
 from __future__ import annotations
 

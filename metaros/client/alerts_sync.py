@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from metaros.client import alert_asks as asks
+from metaros.client import alert_requests
 from metaros.client.alert_results import Alert, AlertChange
 from metaros.client.http import Http
 
@@ -46,7 +46,7 @@ class Alerts:
         found: list[Alert] = []
         before: Any = None
         while len(found) < limit:
-            asked = asks.alerts(
+            asked = alert_requests.alerts(
                 states=states,
                 severities=severities,
                 robots=robots,
@@ -66,51 +66,51 @@ class Alerts:
 
     def get(self, alert: str) -> Alert:
         """One, with its findings and remarks."""
-        return self._http.send(asks.alert(alert))
+        return self._http.send(alert_requests.alert(alert))
 
     def watch(
         self, *, robots: Names | None = None, causes: Names | None = None, severities: Names | None = None
     ) -> Iterator[AlertChange]:
         """Those that are, then each change as it happens, until it is left."""
-        for reply in self._follow(asks.watch_request(robots, causes, severities)):
+        for reply in self._follow(alert_requests.watch_request(robots, causes, severities)):
             if reply.change != "began":
                 yield AlertChange(reply.change, Alert.of_message(reply.alert))
 
     def acknowledge(self, alert: str, text: str = "") -> Alert:
         """Somebody sees to it: it is not told again until it gets worse."""
-        return self._http.send(asks.action(alert, "acknowledge", {"text": text}))
+        return self._http.send(alert_requests.action(alert, "acknowledge", {"text": text}))
 
     def unacknowledge(self, alert: str, text: str = "") -> Alert:
         """Nobody sees to it after all."""
-        return self._http.send(asks.action(alert, "unacknowledge", {"text": text}))
+        return self._http.send(alert_requests.action(alert, "unacknowledge", {"text": text}))
 
     def resolve(self, alert: str, text: str = "") -> Alert:
         """It is over; what is found anew opens again."""
-        return self._http.send(asks.action(alert, "resolve", {"text": text}))
+        return self._http.send(alert_requests.action(alert, "resolve", {"text": text}))
 
     def assign(self, alert: str, assignee: str = "") -> Alert:
         """Who sees to it; "" is nobody."""
-        return self._http.send(asks.action(alert, "assign", {"assignee": assignee}))
+        return self._http.send(alert_requests.action(alert, "assign", {"assignee": assignee}))
 
     def comment(self, alert: str, text: str) -> Alert:
         """Say something to it; with its findings and remarks."""
-        return self._http.send(asks.action(alert, "comments", {"text": text}, idempotent=False))
+        return self._http.send(alert_requests.action(alert, "comments", {"text": text}, idempotent=False))
 
     def normal(self, alert: str, text: str = "") -> Sentences:
         """What was found is normal: what was taught, a sentence each."""
-        return self._http.send(asks.normal(alert, text))
+        return self._http.send(alert_requests.normal(alert, text))
 
     def silence(self, alert: str, *, for_s: float = 3600.0, reason: str = "") -> Any:
         """Tell nobody of its cause on its robot for a while; the silence."""
-        return self._http.send(asks.silence(alert, for_s=for_s, reason=reason))
+        return self._http.send(alert_requests.silence(alert, for_s=for_s, reason=reason))
 
     def clip(self, alert: str) -> str:
         """Save its evidence from the robot's black box; the recording's id."""
-        return self._http.send(asks.clip(alert))
+        return self._http.send(alert_requests.clip(alert))
 
     def silences(self) -> Documents:
         """Those that are not over."""
-        return self._http.send(asks.silences())
+        return self._http.send(alert_requests.silences())
 
     def add_silence(
         self,
@@ -122,32 +122,32 @@ class Alerts:
         reason: str = "",
     ) -> Any:
         """Tell nobody of whatever matches these globs, up to a severity; the silence."""
-        asked = asks.add_silence(robots=robots, causes=causes, up_to=up_to, for_s=for_s, reason=reason)
+        asked = alert_requests.add_silence(robots=robots, causes=causes, up_to=up_to, for_s=for_s, reason=reason)
         return self._http.send(asked)
 
     def end_silence(self, silence: str) -> Any:
         """End it now."""
-        return self._http.send(asks.end_silence(silence))
+        return self._http.send(alert_requests.end_silence(silence))
 
     def checks(self) -> Documents:
         """What is looked for, with its bounds."""
-        return self._http.send(asks.checks())
+        return self._http.send(alert_requests.checks())
 
     def set_check(self, check: str, **changes: Any) -> Any:
         """Have a check be another for the whole fleet: enabled, low, high, for_s, clear_s, severity."""
-        return self._http.send(asks.check(check, changes))
+        return self._http.send(alert_requests.check(check, changes))
 
     def reset_check(self, check: str) -> Any:
         """Have a check be as it comes."""
-        return self._http.send(asks.reset_check(check))
+        return self._http.send(alert_requests.reset_check(check))
 
     def learning(self, robot: str) -> Documents:
         """Which series of a robot are learned still, how odd each is, and what is expected now."""
-        return self._http.send(asks.learning(robot))
+        return self._http.send(alert_requests.learning(robot))
 
     def band(self, robot: str, series: str, *, start: str = "-15m", end: str = "now") -> Documents:
         """A series and what was expected of it: [stamp_ms, value, low, high, score] each."""
-        return self._http.send(asks.band(robot, series, start=start, end=end))
+        return self._http.send(alert_requests.band(robot, series, start=start, end=end))
 
     def backtest(
         self,
@@ -160,5 +160,5 @@ class Alerts:
         only: Names | None = None,
     ) -> Any:
         """What would have fired over stored history, with changes of checks by their id, or only with some of them."""
-        asked = asks.backtest(robot, series=series, start=start, end=end, checks=checks, only=only)
+        asked = alert_requests.backtest(robot, series=series, start=start, end=end, checks=checks, only=only)
         return self._http.send(asked)

@@ -1,4 +1,4 @@
-"""Sending asks over HTTP: two thin shells around the same decisions, one that blocks and one that awaits."""
+"""Sends REST requests over HTTP: two thin clients around the same decisions, one blocking and one asynchronous."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import httpx
 
 from metaros.client.access import Access
-from metaros.client.asks import Ask, answer_of
+from metaros.client.requests import RestRequest, answer_of
 from metaros.client.retries import Retries
 from metaros.clock import system_rng
 from metaros.errors import MetarosError, PeerError, RefusedError, TimeoutError_, UnavailableError
@@ -42,20 +42,20 @@ class _Sender:
             "verify": context or ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT),  # of http: it need not read any roots
         }
 
-    def _request(self, ask: Ask[Any]) -> dict[str, Any]:
+    def _request(self, request: RestRequest[Any]) -> dict[str, Any]:
         return {
-            "method": ask.method,
-            "url": ask.path,
-            "params": ask.sent_query,
-            "content": ask.content,
-            "headers": ask.sent_headers,
-            "timeout": ask.timeout_s or self._timeout_s,
+            "method": request.method,
+            "url": request.path,
+            "params": request.sent_query,
+            "content": request.content,
+            "headers": request.sent_headers,
+            "timeout": request.timeout_s or self._timeout_s,
         }
 
-    def _wait_s(self, attempt: int, error: MetarosError, ask: Ask[Any]) -> float:
+    def _wait_s(self, attempt: int, error: MetarosError, request: RestRequest[Any]) -> float:
         """How long to wait before the next attempt; raises the error when there is none."""
         after_s = getattr(error, "after_s", None)
-        wait_s = self._retries.wait_s(attempt, error, idempotent=ask.idempotent, rng=self._rng, after_s=after_s)
+        wait_s = self._retries.wait_s(attempt, error, idempotent=request.idempotent, rng=self._rng, after_s=after_s)
         if wait_s is None:
             raise error
         return wait_s
@@ -69,7 +69,7 @@ class Http(_Sender):
         self._client = httpx.Client(**self._options())
         self._closed = threading.Event()
 
-    def send(self, ask: Ask[T]) -> T:
+    def send(self, request: RestRequest[T]) -> T:
         """What the answer means.
 
         Raises:
@@ -79,9 +79,9 @@ class Http(_Sender):
         attempt = 1
         while True:
             try:
-                return ask.read(answer_of(self._once(ask)))
+                return request.read(answer_of(self._once(request)))
             except (PeerError, UnavailableError) as error:
-                self.pause(self._wait_s(attempt, error, ask))
+                self.pause(self._wait_s(attempt, error, request))
                 attempt += 1
 
     def pause(self, wait_s: float) -> bool:
@@ -93,11 +93,11 @@ class Http(_Sender):
         self._closed.set()
         self._client.close()
 
-    def _once(self, ask: Ask[Any]) -> bytes:
+    def _once(self, request: RestRequest[Any]) -> bytes:
         try:
-            return good(self._client.request(**self._request(ask)))
+            return response_body(self._client.request(**self._request(request)))
         except httpx.HTTPError as error:
-            raise silence(self._access.url, error) from error
+            raise unavailable(self._access.url, error) from error
 
 
 class AsyncHttp(_Sender):
@@ -107,36 +107,36 @@ class AsyncHttp(_Sender):
         super().__init__(access, timeout_s=timeout_s, retries=retries, rng=rng)
         self._client = httpx.AsyncClient(**self._options())
 
-    async def send(self, ask: Ask[T]) -> T:
+    async def send(self, request: RestRequest[T]) -> T:
         """As `Http.send`."""
         attempt = 1
         while True:
             try:
-                return ask.read(answer_of(await self._once(ask)))
+                return request.read(answer_of(await self._once(request)))
             except (PeerError, UnavailableError) as error:
-                await asyncio.sleep(self._wait_s(attempt, error, ask))
+                await asyncio.sleep(self._wait_s(attempt, error, request))
                 attempt += 1
 
     async def close(self) -> None:
         """End its connections."""
         await self._client.aclose()
 
-    async def _once(self, ask: Ask[Any]) -> bytes:
+    async def _once(self, request: RestRequest[Any]) -> bytes:
         try:
-            return good(await self._client.request(**self._request(ask)))
+            return response_body(await self._client.request(**self._request(request)))
         except httpx.HTTPError as error:
-            raise silence(self._access.url, error) from error
+            raise unavailable(self._access.url, error) from error
 
 
-class LaterError(RefusedError):
-    """Refused for now; `after_s` is when to come back."""
+class RetryLaterError(RefusedError):
+    """Refused for now (Retry-After); `after_s` is when to try again."""
 
     def __init__(self, message: str, *, status: int, reason: str, after_s: float) -> None:
         super().__init__(message, status=status, reason=reason)
         self.after_s = after_s
 
 
-def good(answer: httpx.Response) -> bytes:
+def response_body(answer: httpx.Response) -> bytes:
     """The body of a good answer; RefusedError for a problem."""
     if answer.status_code < 400:
         return answer.content
@@ -147,11 +147,11 @@ def good(answer: httpx.Response) -> bytes:
         text, reason = f"the gateway answered {answer.status_code}", ""
     after = answer.headers.get("retry-after", "")
     if after.isdigit():
-        raise LaterError(text, status=answer.status_code, reason=reason, after_s=float(after))
+        raise RetryLaterError(text, status=answer.status_code, reason=reason, after_s=float(after))
     raise RefusedError(text, status=answer.status_code, reason=reason)
 
 
-def silence(url: str, error: httpx.HTTPError) -> MetarosError:
+def unavailable(url: str, error: httpx.HTTPError) -> MetarosError:
     """Why there is no answer."""
     if isinstance(error, httpx.TimeoutException) and not isinstance(error, httpx.ConnectTimeout):
         return TimeoutError_(f"the gateway at {url} did not answer in time")

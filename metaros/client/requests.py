@@ -1,4 +1,4 @@
-"""REST requests as values: what is asked, and what is made of the answer. Pure: both clients send them."""
+"""REST requests as values, with the parser of their answer. Pure: both clients send them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from metaros.errors import PeerError
 from metaros.idl import Message
 
 __all__ = [
-    "Ask",
+    "RestRequest",
     "answer_of",
     "call",
     "command",
@@ -33,7 +33,7 @@ Names = str | Sequence[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask(Generic[T]):
+class RestRequest(Generic[T]):
     """One request; `idempotent`: it may be sent again when nobody knows what became of it."""
 
     method: str
@@ -62,12 +62,12 @@ def robot_path(robot: str, rest: str = "") -> str:
     return f"/api/v1/robots/{quote(robot, safe='')}{rest}"
 
 
-def get(path: str, read: Callable[[Any], T], **query: Any) -> Ask[T]:
+def get(path: str, read: Callable[[Any], T], **query: Any) -> RestRequest[T]:
     """A GET."""
-    return Ask(method="GET", path=path, read=read, query=query, idempotent=True)
+    return RestRequest(method="GET", path=path, read=read, query=query, idempotent=True)
 
 
-def robots(*, selector: str | None, after: Any) -> Ask[tuple[list[Robot], Any]]:
+def robots(*, selector: str | None, after: Any) -> RestRequest[tuple[list[Robot], Any]]:
     """A page of robots, and where the next one begins; None: nowhere."""
     query = {"selector": selector, "after": after, "limit": 1000}
 
@@ -79,7 +79,7 @@ def robots(*, selector: str | None, after: Any) -> Ask[tuple[list[Robot], Any]]:
 
 def publish(
     robot: str, topic: str, message: Any, *, type_name: str, lease_id: str, sent_ns: int, timeout_s: float | None
-) -> Ask[None]:
+) -> RestRequest[None]:
     """A message class's instance goes as CDR, anything else as JSON."""
     asked = {"topic": topic, "lease_id": lease_id, "sent_ns": sent_ns}
     path, read = robot_path(robot, "/publish"), _nothing
@@ -88,17 +88,19 @@ def publish(
         content = codec(name).encode(message)
         query = {**asked, "type": name, "sent_ns": str(sent_ns)}
         kind = "application/cdr"
-        return Ask(method="POST", path=path, read=read, query=query, content=content, kind=kind, timeout_s=timeout_s)
+        return RestRequest(
+            method="POST", path=path, read=read, query=query, content=content, kind=kind, timeout_s=timeout_s
+        )
     body = {**asked, "type": type_name, "message": message}
-    return Ask(method="POST", path=path, read=read, content=json.dumps(body).encode(), timeout_s=timeout_s)
+    return RestRequest(method="POST", path=path, read=read, content=json.dumps(body).encode(), timeout_s=timeout_s)
 
 
 def call(
     robot: str, service: str, request: Mapping[str, Any], *, type_name: str, timeout_s: float, lease_id: str
-) -> Ask[Any]:
+) -> RestRequest[Any]:
     """A call of a service."""
     body = {"service": service, "type": type_name, "request": dict(request), "timeout_s": timeout_s}
-    return Ask(
+    return RestRequest(
         method="POST",
         path=robot_path(robot, "/services/call"),
         read=lambda answer: answer["response"],
@@ -107,17 +109,17 @@ def call(
     )
 
 
-def programs_port() -> Ask[int]:
+def programs_port() -> RestRequest[int]:
     """The gateway's gRPC port for programs."""
     return get("/api/v1/gateway", lambda answer: int(answer["programs_port"]))
 
 
 def command(
     robot: str, kind: str, request: Mapping[str, Any], *, key: str, wait_s: float, options: Mapping[str, Any]
-) -> Ask[Command]:
+) -> RestRequest[Command]:
     """A command; its key lets the gateway know it again, so that it may be sent again."""
     body = {"kind": kind, "request": dict(request), **options}
-    return Ask(
+    return RestRequest(
         method="POST",
         path=robot_path(robot, "/commands"),
         read=Command.of,
@@ -129,19 +131,19 @@ def command(
     )
 
 
-def merge(path: str, document: Any, *, method: str = "PATCH") -> Ask[Any]:
+def merge(path: str, document: Any, *, method: str = "PATCH") -> RestRequest[Any]:
     """A change by a document, and what the gateway says of it."""
-    return Ask(method=method, path=path, read=_itself, content=json.dumps(document).encode())
+    return RestRequest(method=method, path=path, read=_itself, content=json.dumps(document).encode())
 
 
-def series(robot: str, names: Names, *, start: str, end: str, points: int) -> Ask[dict[str, Series]]:
+def series(robot: str, names: Names, *, start: str, end: str, points: int) -> RestRequest[dict[str, Series]]:
     """Columns of series, by name."""
     wanted = [names] if isinstance(names, str) else list(names)
     query = {"name": wanted, "start": start, "end": end, "points": points}
     return get(robot_path(robot, "/metrics/range"), _series, **query)
 
 
-def metrics(robot: str) -> Ask[list[Any]]:
+def metrics(robot: str) -> RestRequest[list[Any]]:
     """The stored series, each with its newest value."""
     return get(robot_path(robot, "/metrics"), lambda answer: list(answer["series"]))
 

@@ -1,4 +1,4 @@
-"""What the clients answer with: frozen, typed, and the gateway's whole document beside where it says more."""
+"""The clients' results: frozen, typed, with the gateway's whole document where it says more."""
 
 from __future__ import annotations
 

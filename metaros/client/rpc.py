@@ -18,7 +18,7 @@ from metaros.errors import MetarosError, RefusedError, TimeoutError_, Unavailabl
 from metaros.idl import Catalogue, add_schema_text, default_catalogue, type_hash
 
 __all__ = [
-    "Place",
+    "EventPosition",
     "Samples",
     "aio_channel",
     "channel",
@@ -97,8 +97,8 @@ def query_request(
     )
 
 
-class Place:
-    """How far a follower of the events has come: where it begins again when the connection was lost."""
+class EventPosition:
+    """The position of an event subscription: where it resumes when the connection was lost."""
 
     def __init__(self, after: int | None, kinds: Names | None, robots: Names | None) -> None:
         self._after = after

@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar
 import grpc
 
 from metaros._proto import alerts_pb2_grpc, events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
-from metaros.client import asks, rpc
+from metaros.client import requests, rpc
 from metaros.client.access import find_access
 from metaros.client.alerts_sync import Alerts
 from metaros.client.drive import Drive
@@ -82,14 +82,14 @@ class Client:
         found: list[Robot] = []
         after: Any = None
         while True:
-            page, after = self._http.send(asks.robots(selector=selector, after=after))
+            page, after = self._http.send(requests.robots(selector=selector, after=after))
             found += page
             if after is None:
                 return found
 
     def robot(self, robot: str) -> Robot:
         """One robot."""
-        return self._http.send(asks.get(asks.robot_path(robot), Robot.of))
+        return self._http.send(requests.get(requests.robot_path(robot), Robot.of))
 
     def publish(
         self,
@@ -107,7 +107,7 @@ class Client:
         `type_name` may be left out where the robot announces the topic. Returns when the robot's agent has done it.
         """
         self._http.send(
-            asks.publish(
+            requests.publish(
                 robot, topic, message, type_name=type_name, lease_id=lease_id, sent_ns=sent_ns, timeout_s=timeout_s
             )
         )
@@ -123,7 +123,9 @@ class Client:
         lease_id: str = "",
     ) -> Any:
         """Call a service of a robot; its answer as a mapping. Never sent twice."""
-        asked = asks.call(robot, service, request or {}, type_name=type_name, timeout_s=timeout_s, lease_id=lease_id)
+        asked = requests.call(
+            robot, service, request or {}, type_name=type_name, timeout_s=timeout_s, lease_id=lease_id
+        )
         return self._http.send(asked)
 
     def send_goal(
@@ -197,15 +199,15 @@ class Client:
         self, robot: str, series: Names, *, start: str = "-15m", end: str = "now", points: int = 500
     ) -> dict[str, Series]:
         """Series over a time, by name, at most so many points of each."""
-        return self._http.send(asks.series(robot, series, start=start, end=end, points=points))
+        return self._http.send(requests.series(robot, series, start=start, end=end, points=points))
 
     def metrics(self, robot: str) -> list[Any]:
         """The robot's stored series, each with its newest value."""
-        return self._http.send(asks.metrics(robot))
+        return self._http.send(requests.metrics(robot))
 
     def snapshot(self, robot: str) -> Any:
         """The newest message of each of the robot's topics, and its newest values."""
-        return self._http.send(asks.get(asks.robot_path(robot, "/snapshot"), dict))
+        return self._http.send(requests.get(requests.robot_path(robot, "/snapshot"), dict))
 
     def command(
         self,
@@ -222,27 +224,27 @@ class Client:
         It carries a key by which the gateway knows it again, so that it is sent again where an answer got lost.
         """
         key = idempotency_key or uuid.uuid4().hex
-        asked = asks.command(robot, kind, request or {}, key=key, wait_s=wait_s, options=options)
+        asked = requests.command(robot, kind, request or {}, key=key, wait_s=wait_s, options=options)
         return self._http.send(asked)
 
     def twin(self, robot: str) -> Any:
         """The robot's desired and reported state."""
-        return self._http.send(asks.get(asks.robot_path(robot, "/twin"), dict))
+        return self._http.send(requests.get(requests.robot_path(robot, "/twin"), dict))
 
     def change_twin(self, robot: str, patch: Mapping[str, Any]) -> Any:
         """Change the robot's own document by a JSON merge patch; what the gateway says of the change."""
-        return self._http.send(asks.merge(asks.robot_path(robot, "/twin"), dict(patch)))
+        return self._http.send(requests.merge(requests.robot_path(robot, "/twin"), dict(patch)))
 
     def recordings(self, robot: str | None = None, *, limit: int = 100) -> list[Any]:
         """The newest recordings, of one robot or of all."""
-        wanted = asks.get("/api/v1/recordings", lambda answer: list(answer["recordings"]), robot=robot, limit=limit)
+        wanted = requests.get("/api/v1/recordings", lambda answer: list(answer["recordings"]), robot=robot, limit=limit)
         return self._http.send(wanted)
 
     def events(
         self, *, after: int | None = None, kinds: Names | None = None, robots: Names | None = None
     ) -> Iterator[Event]:
         """What happens in the fleet, from now on or behind a cursor; a loss of the connection loses none."""
-        place = rpc.Place(after, kinds, robots)
+        place = rpc.EventPosition(after, kinds, robots)
         for reply, _ in self._again(self._watch_events, place.request):
             yield from place.events(reply)
 
@@ -320,6 +322,6 @@ class Client:
         """The channel, made when it is wanted first: the gateway says on which port."""
         if self._channel is None:
             if not self._target:
-                self._target = f"{self.access.host}:{self._http.send(asks.programs_port())}"
+                self._target = f"{self.access.host}:{self._http.send(requests.programs_port())}"
             self._channel = rpc.channel(self.access, self._target)
         return self._channel

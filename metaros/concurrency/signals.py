@@ -12,7 +12,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from metaros.waiting import Wakeup
+from metaros.concurrency.waiting import Wakeup
 
 if TYPE_CHECKING:
     import asyncio

@@ -9,16 +9,25 @@ from metaros.drivers.manifest import Manifest
 from metaros.drivers.registry import all_manifests, driver_kinds, manifest_of
 
 if TYPE_CHECKING:
+    from metaros.drivers.context import Device, DriverContext
     from metaros.drivers.node import DriverNode
     from metaros.drivers.run import run_driver
-    from metaros.drivers.unit import Device, Unit
 
-__all__ = ["Device", "DriverNode", "Manifest", "Unit", "all_manifests", "driver_kinds", "manifest_of", "run_driver"]
+__all__ = [
+    "Device",
+    "DriverContext",
+    "DriverNode",
+    "Manifest",
+    "all_manifests",
+    "driver_kinds",
+    "manifest_of",
+    "run_driver",
+]
 
-_LATER = {"DriverNode": "node", "run_driver": "run", "Device": "unit", "Unit": "unit"}
+_LAZY = {"DriverNode": "node", "run_driver": "run", "Device": "context", "DriverContext": "context", "Unit": "unit"}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATER:  # the table of kinds is read without a node
+    if name not in _LAZY:  # the table of kinds is read without a node
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"metaros.drivers.{_LATER[name]}"), name)
+    return getattr(importlib.import_module(f"metaros.drivers.{_LAZY[name]}"), name)

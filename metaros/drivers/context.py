@@ -1,4 +1,4 @@
-"""What a kind of driver is given, and what it gives: `make(unit)` returns a Device."""
+"""The API between the driver host and a driver kind: `make(context)` returns a Device."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from metaros.clock import Clock
 from metaros.drivers.faults import FaultBox
+from metaros.drivers.log_throttle import LogThrottle
 from metaros.drivers.manifest import Manifest
-from metaros.drivers.repeats import Repeats
-from metaros.drivers.standing import Standing
+from metaros.drivers.status import DriverStatus
 from metaros.errors import UnavailableError
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.wire import QoSProfile, qos_default, qos_sensor_data
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from metaros.node import Publisher, Subscription
     from metaros.node.lifecycle import LifecycleNode
 
-__all__ = ["Device", "DriverPublisher", "Unit"]
+__all__ = ["Device", "DriverContext", "DriverPublisher"]
 
 
 class Device(Protocol):
-    """One device. `make` (in the kind's module `driver`) creates its topics by the unit; the rest is called on the
+    """One device. `make` (in the kind's module `driver`) creates its topics by the context; the rest is called on the
     driver's own thread, again and again until the driver stops.
     """
 
@@ -31,7 +31,7 @@ class Device(Protocol):
         """Reach the device; UnavailableError where it is not there now."""
 
     def run(self) -> None:
-        """Work until `unit.stopping`; UnavailableError when the device has gone."""
+        """Work until `context.stopping`; UnavailableError when the device has gone."""
 
     def close(self) -> None:
         """Let the device go; also called after a failed `open`, and twice. It never waits long."""
@@ -40,8 +40,8 @@ class Device(Protocol):
 class DriverPublisher:
     """Publishes readings while the driver is active; each one counts as a sign of life of the device."""
 
-    def __init__(self, unit: Unit, publisher: Publisher, *, reading: bool) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, publisher: Publisher, *, reading: bool) -> None:
+        self._context = context
         self._publisher = publisher
         self._reading = reading
         self.topic = publisher.topic
@@ -50,32 +50,37 @@ class DriverPublisher:
         """Send one message, unless the driver is silenced. A `farewell` goes out also while the driver stops: the zero
         that stops a base, the state that outputs are left in.
         """
-        unit = self._unit
-        if "silent" in unit.faults.on or not (unit.active or farewell):
+        context = self._context
+        if "silent" in context.faults.on or not (context.active or farewell):
             return
         self._publisher.publish(message, stamp_ns=stamp_ns)
         if self._reading:
-            unit.standing.reading()
+            context.status.reading()
 
     def close(self) -> None:
         """Leave the graph."""
         self._publisher.close()
 
 
-class Unit:
-    """One configured driver: its node, parameters, clock and standing. Made anew at each configure."""
+class DriverContext:
+    """One configured driver: its node, parameters, clock and status. Made anew at each configure."""
 
-    def __init__(self, node: LifecycleNode, manifest: Manifest, *, standing: Standing, faults: FaultBox) -> None:
+    def __init__(self, node: LifecycleNode, manifest: Manifest, *, status: DriverStatus, faults: FaultBox) -> None:
         self.node = node
         self.manifest = manifest
-        self.standing = standing
+        self.status = status
         self.faults = faults
         self.clock: Clock = node.clock
         self.log = node.get_logger()
         self.stop = threading.Event()
-        self._repeats = Repeats(self.clock)
+        self._log_throttle = LogThrottle(self.clock)
         self._endpoints: list[Any] = []
         self._changes: dict[str, list[Callable[[Any], object]]] = {}
+
+    @property
+    def standing(self) -> DriverStatus:
+        """The former name of `status`, for drivers that were made from an older template."""
+        return self.status
 
     # -- parameters ------------------------------------------------------------------------------------------------
 
@@ -164,29 +169,29 @@ class Unit:
         seconds, nanoseconds = divmod(self.clock.wall_ns() if stamp_ns is None else stamp_ns, 1_000_000_000)
         return Time(sec=seconds, nanosec=nanoseconds)
 
-    # -- standing: what diagnostics tell ---------------------------------------------------------------------------
+    # -- status: what diagnostics report ---------------------------------------------------------------------------
 
     def opened(self, detail: str, *, hardware_id: str = "") -> None:
         """The device answers: say so, and which it is."""
-        self.standing.opened(detail, hardware_id)
-        if self._repeats.fresh(detail):
+        self.status.opened(detail, hardware_id)
+        if self._log_throttle.should_log(detail):
             self.log.info(f"{self.manifest.kind}: {detail}")
 
     def count(self, name: str, by: int = 1) -> None:
         """Add to a counter, such as `bad_checksum`."""
-        self.standing.count(name, by)
+        self.status.count(name, by)
 
     def fact(self, name: str, value: object) -> None:
         """Note something worth telling, such as a firmware version."""
-        self.standing.facts[name] = str(value)
+        self.status.facts[name] = str(value)
 
     def warn(self, text: str) -> None:
         """What is wrong though the device works; an empty text: nothing any more."""
-        if text and text != self.standing.warning and self._repeats.fresh(text):
+        if text and text != self.status.warning and self._log_throttle.should_log(text):
             self.log.warn(f"{self.manifest.kind}: {text}")
-        self.standing.warning = text
+        self.status.warning = text
 
     def heard(self, data: bytes) -> bytes:
         """Count what came over the wire, and garble it where that fault is simulated."""
-        self.standing.count("bytes_read", len(data))
+        self.status.count("bytes_read", len(data))
         return self.faults.garbled(data) if self.faults.on else data

@@ -1,4 +1,4 @@
-"""From the rays of a turning lidar to `sensor_msgs/LaserScan`: turns are cut behind the device and put into bins.
+"""From the rays of a spinning lidar to `sensor_msgs/LaserScan`: revolutions are split behind the device and binned.
 
 Lidars count their angle clockwise from ahead, in degrees; ROS counts counter-clockwise from ahead, in radians. A turn
 is cut where the ray points backwards, so that the bins, from -π to just below π, are in one run of time: bin 0 was
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from metaros.convert.stamps import header
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 
-__all__ = ["MAX_RAYS", "Rays", "Turn", "TurnAssembler", "laser_scan"]
+__all__ = ["MAX_RAYS", "Rays", "Revolution", "ScanAssembler", "laser_scan"]
 
 MAX_RAYS: Final = 32_768  # of one turn; more than any lidar of ours has
 MIN_RAYS: Final = 16  # fewer are a stumble of the angle, not a turn
@@ -40,8 +40,8 @@ class Rays:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
-    """One whole turn as measured: clockwise angles from ahead, and when its first and last ray were measured."""
+class Revolution:
+    """One whole revolution as measured: clockwise angles from ahead, and when its first and last ray were measured."""
 
     angles_deg: npt.NDArray[np.float64]
     ranges_m: Floats
@@ -50,8 +50,8 @@ class Turn:
     ended_ns: int
 
 
-class TurnAssembler:
-    """Rays in, whole turns out. The first, of which the beginning is not known, is left out, and so are stumbles."""
+class ScanAssembler:
+    """Rays in, whole revolutions out. The first, whose beginning is unknown, and angle glitches are left out."""
 
     def __init__(self) -> None:
         self.short_turns = 0
@@ -61,7 +61,7 @@ class TurnAssembler:
         self._began_ns = 0
         self._clear()
 
-    def add(self, rays: Rays) -> list[Turn]:
+    def add(self, rays: Rays) -> list[Revolution]:
         """The turns that end within these rays; mostly none."""
         done = []
         for angle, range_m, intensity in zip(rays.angles_deg, rays.ranges_m, rays.intensities, strict=True):
@@ -85,13 +85,13 @@ class TurnAssembler:
         self._last = math.nan
         self._clear()
 
-    def _cut(self, stamp_ns: int) -> Turn | None:
+    def _cut(self, stamp_ns: int) -> Revolution | None:
         whole, began_ns = self._whole, self._began_ns
         turn = None
         if whole and len(self._angles) < MIN_RAYS:
             self.short_turns += 1
         elif whole:
-            turn = Turn(
+            turn = Revolution(
                 angles_deg=np.array(self._angles, np.float64),
                 ranges_m=np.array(self._ranges, np.float32),
                 intensities=np.array(self._intensities, np.float32),
@@ -108,8 +108,8 @@ class TurnAssembler:
         self._intensities: list[float] = []
 
 
-def laser_scan(turn: Turn, *, bins: int, range_min_m: float, range_max_m: float, frame_id: str) -> LaserScan:
-    """The turn in `bins` equal bins from -π on, counter-clockwise. What is nearer than `range_min_m` is -inf."""
+def laser_scan(turn: Revolution, *, bins: int, range_min_m: float, range_max_m: float, frame_id: str) -> LaserScan:
+    """The revolution in `bins` equal bins from -π on, counter-clockwise. What is nearer than `range_min_m` is -inf."""
     step = 2 * math.pi / bins
     angles = np.radians(-turn.angles_deg)
     places = np.round((angles + math.pi) / step).astype(np.int64) % bins

@@ -1,4 +1,4 @@
-"""What a kind of driver says of itself: its folder's `manifest.toml`, read and checked.
+"""A driver kind's `manifest.toml`, read and checked.
 
 kind = "ld19"                     the folder's name
 name = "LD06 / LD19 lidar"        as people call it
@@ -49,7 +49,7 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A parameter. `local`: only this machine's own command line or table may set it, never somebody afar.
+    """A parameter. `local`: only this machine's own command line or table may set it, never a remote caller.
     `live`: a change is obeyed at once; others are read when the driver is configured.
     """
 

@@ -1,16 +1,16 @@
-"""Messages that belong together, such as the sentences of one GPS fix: put together without waiting. Pure."""
+"""Groups messages that belong together, such as the sentences of one GPS fix, without a time-out. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-__all__ = ["Rounds"]
+__all__ = ["MessageGroups"]
 
 
-class Rounds:
-    """Devices send a fixed series of messages again and again, and no end mark. What ended the last round is taken to
-    end this one too, so that a round is given out with its last message, not with the first of the next.
+class MessageGroups:
+    """Devices send a fixed series of messages again and again, and no end mark. What ended the last group is taken to
+    end this one too, so that a group is returned with its last message, not with the first of the next.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class Rounds:
         self._given = False
 
     def feed(self, kind: str, value: Any, *, moment: object = None) -> Iterator[Mapping[str, Any]]:
-        """One message; rounds that are now complete. Another `moment`, or a kind that is there, begins a new round."""
+        """Add a message; yields groups that are now complete. Another `moment` or a repeated kind begins a new one."""
         other = moment is not None and self._moment is not None and moment != self._moment
         if self._items and (other or kind in self._items):
             yield from self.flush()
@@ -34,7 +34,7 @@ class Rounds:
             yield from self.flush()
 
     def flush(self) -> Iterator[Mapping[str, Any]]:
-        """The round so far, unless it was given out already: when the device falls silent."""
+        """The group so far, unless it was returned already: when the device falls silent."""
         if self._items and not self._given:
             self._given = True
             yield self._items

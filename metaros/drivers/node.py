@@ -1,4 +1,4 @@
-"""`DriverNode`: the lifecycle node around one device. It opens it, again and again, and tells how it stands."""
+"""`DriverNode`: the lifecycle node around one device. It opens it, with retries, and reports its status."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from metaros.clock import system_rng
-from metaros.drivers.back_off import BackOff
+from metaros.drivers.backoff import Backoff
+from metaros.drivers.context import Device, DriverContext
 from metaros.drivers.diagnostics import Diagnostics
 from metaros.drivers.faults import FAULTS, FaultBox
+from metaros.drivers.log_throttle import LogThrottle
 from metaros.drivers.manifest import Manifest
-from metaros.drivers.repeats import Repeats
-from metaros.drivers.standing import DriverState, Standing
-from metaros.drivers.unit import Device, Unit
+from metaros.drivers.status import DriverState, DriverStatus
 from metaros.drivers.values import declare, read_values
 from metaros.errors import ClosedError, ConfigError, UnavailableError
 from metaros.interfaces.std_msgs.msg import String
@@ -33,29 +33,29 @@ class DriverNode(LifecycleNode):
     def __init__(
         self,
         manifest: Manifest,
-        make: Callable[[Unit], Device],
+        make: Callable[[DriverContext], Device],
         parameters: Mapping[str, Any],
         *,
         context: Context,
         namespace: str = "/",
         name: str = "",
-        back_off: BackOff | None = None,
+        backoff: Backoff | None = None,
     ) -> None:
         """Raises ConfigError: a parameter that it does not have, or cannot use."""
         self.manifest = manifest
-        self._back_off = BackOff() if back_off is None else back_off
+        self._backoff = Backoff() if backoff is None else backoff
         self._make = make
-        self._unit: Unit | None = None
+        self._context: DriverContext | None = None
         self._device: Device | None = None
         self._thread: threading.Thread | None = None
         overrides = read_values(manifest, parameters)
         super().__init__(name or manifest.kind, namespace=namespace, context=context, parameter_overrides=overrides)
         try:
             declare(self, manifest)
-            self.standing = Standing(self.clock, stale_after_s=manifest.stale_after_s)
+            self.status = DriverStatus(self.clock, stale_after_s=manifest.stale_after_s)
             self.faults = FaultBox(system_rng())
-            self._repeats = Repeats(self.clock)
-            self._diagnostics = Diagnostics(self, manifest.kind, self.standing)
+            self._log_throttle = LogThrottle(self.clock)
+            self._diagnostics = Diagnostics(self, manifest.kind, self.status)
             self.parameters.on_change()(self._changed)
             if self.parameters["allow_faults"]:
                 self.create_subscription(String, "~/fault", self._on_fault, 10)
@@ -67,7 +67,7 @@ class DriverNode(LifecycleNode):
         """Configure and activate. Raises ConfigError where that fails."""
         for transition in ("configure", "activate"):
             if not self.trigger(transition):
-                raise ConfigError(f"{self.full_name}: could not {transition}: {self.standing.detail}")
+                raise ConfigError(f"{self.full_name}: could not {transition}: {self.status.detail}")
 
     def stop(self) -> None:
         """Let the device go, then leave the graph."""
@@ -84,29 +84,31 @@ class DriverNode(LifecycleNode):
 
     def on_configure(self) -> bool:
         """Make the device's topics; a value that cannot work is logged and refused."""
-        unit = Unit(self, self.manifest, standing=self.standing, faults=self.faults)
-        unit.stop.set()  # until it is activated
+        context = DriverContext(self, self.manifest, status=self.status, faults=self.faults)
+        context.stop.set()  # until it is activated
         try:
-            self._device = self._make(unit)
+            self._device = self._make(context)
         except ConfigError as error:
-            unit.close()
-            self.standing.enter(DriverState.FAILED, str(error))
+            context.close()
+            self.status.enter(DriverState.FAILED, str(error))
             self.get_logger().error(str(error))
             return False
-        self._unit = unit
-        self.standing.enter(DriverState.RESTING)
+        self._context = context
+        self.status.enter(DriverState.RESTING)
         return True
 
     def on_activate(self) -> bool:
         """Start working; refused while the device has not let go since the last time."""
-        unit, device = self._unit, self._device
-        assert unit is not None
+        context, device = self._context, self._device
+        assert context is not None
         assert device is not None
         if self._thread is not None and self._thread.is_alive():
             self.get_logger().error(f"{self.manifest.kind}: the device has still not let go")
             return False
-        unit.stop.clear()
-        self._thread = threading.Thread(target=self._work, args=(unit, device), name=f"driver {self.name}", daemon=True)
+        context.stop.clear()
+        self._thread = threading.Thread(
+            target=self._work, args=(context, device), name=f"driver {self.name}", daemon=True
+        )
         self._thread.start()
         return True
 
@@ -127,14 +129,14 @@ class DriverNode(LifecycleNode):
 
     # -- the device's thread ---------------------------------------------------------------------------------------
 
-    def _work(self, unit: Unit, device: Device) -> None:
-        self._back_off.worked()
-        while not unit.stop.is_set():
-            self.standing.enter(DriverState.OPENING, self.standing.detail)
-            before = self.standing.counters["readings"]
+    def _work(self, context: DriverContext, device: Device) -> None:
+        self._backoff.reset()
+        while not context.stop.is_set():
+            self.status.enter(DriverState.OPENING, self.status.detail)
+            before = self.status.counters["readings"]
             why = ""
             try:
-                if not unit.stopping:
+                if not context.stopping:
                     device.open()
                     device.run()
             except UnavailableError as error:
@@ -142,38 +144,38 @@ class DriverNode(LifecycleNode):
             except ClosedError:
                 return
             except ConfigError as error:
-                self.standing.enter(DriverState.FAILED, str(error))
+                self.status.enter(DriverState.FAILED, str(error))
                 self.get_logger().error(str(error))
                 return
             except Exception as error:  # a fault of ours: said, and tried again, for a robot goes on
                 why = f"driver error: {error!r}"
-                if self._repeats.fresh(f"trace of {why}"):
+                if self._log_throttle.should_log(f"trace of {why}"):
                     LOG.exception("%s: the driver failed", self.full_name)
             finally:
                 self._let_go(device)
-            if self.standing.counters["readings"] > before:
-                self._back_off.worked()
-            if not unit.stop.is_set():
-                self._await(unit, self._back_off.next_s(), why or "the device ended")
-        self.standing.enter(DriverState.RESTING)
+            if self.status.counters["readings"] > before:
+                self._backoff.reset()
+            if not context.stop.is_set():
+                self._await(context, self._backoff.next_s(), why or "the device ended")
+        self.status.enter(DriverState.RESTING)
 
-    def _await(self, unit: Unit, wait_s: float, why: str) -> None:
-        if self._repeats.fresh(why):
+    def _await(self, context: DriverContext, wait_s: float, why: str) -> None:
+        if self._log_throttle.should_log(why):
             self.get_logger().warn(f"{self.manifest.kind}: {why}; trying again")
-        self.standing.count("reconnects")
-        self.standing.enter(DriverState.WAITING, why)
-        unit.stop.wait(wait_s)
+        self.status.count("reconnects")
+        self.status.enter(DriverState.WAITING, why)
+        context.stop.wait(wait_s)
 
     def _let_go(self, device: Device) -> None:
         try:
             device.close()
         except Exception as error:  # whatever it says, it is opened anew
-            if self._repeats.fresh(f"close: {error!r}"):
+            if self._log_throttle.should_log(f"close: {error!r}"):
                 LOG.exception("%s: the device could not be closed", self.full_name)
 
     def _halt(self) -> bool:
-        if self._unit is not None:
-            self._unit.stop.set()
+        if self._context is not None:
+            self._context.stop.set()
         if self._thread is not None:
             self._thread.join(CLOSE_S)
             if self._thread.is_alive():
@@ -183,16 +185,16 @@ class DriverNode(LifecycleNode):
         return True
 
     def _forget(self) -> None:
-        unit, self._unit, self._device = self._unit, None, None
-        if unit is not None:
-            unit.close()
+        context, self._context, self._device = self._context, None, None
+        if context is not None:
+            context.close()
 
     # -- from others -----------------------------------------------------------------------------------------------
 
     def _changed(self, name: str, value: Any) -> None:
-        unit = self._unit
-        if unit is not None and name in {parameter.name for parameter in self.manifest.parameters if parameter.live}:
-            unit.changed(name, value)
+        context = self._context
+        if context is not None and name in {parameter.name for parameter in self.manifest.parameters if parameter.live}:
+            context.changed(name, value)
 
     def _on_fault(self, message: String) -> None:
         if self.faults.inject(message.data):

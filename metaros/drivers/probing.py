@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from metaros.drivers.manifest import Manifest
-
-__all__ = ["Found", "probe", "serial_ports"]
+__all__ = ["Found", "serial_ports"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,18 +23,6 @@ class Found:
         """What starts its driver."""
         given = "".join(f" --param {shlex.quote(f'{name}={value}')}" for name, value in self.parameters.items())
         return f"metaros driver run {self.kind}{given}"
-
-
-def probe(manifests: Sequence[Manifest]) -> Iterator[tuple[Manifest, Sequence[Found]]]:
-    """Look for devices of these kinds, one kind after the other; a kind without a probe finds nothing.
-
-    Probes only look (lists of devices, USB ids): none sends bytes to a device that it does not know.
-    """
-    from metaros.drivers.registry import prober
-
-    for manifest in manifests:
-        find = prober(manifest.kind)
-        yield manifest, tuple(find()) if find is not None else ()
 
 
 def serial_ports() -> list[tuple[str, str, int, int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -14,12 +14,12 @@ from metaros.drivers.manifest import Manifest, read_manifest
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:
+    from metaros.drivers.context import Device, DriverContext
     from metaros.drivers.probing import Found
-    from metaros.drivers.unit import Device, Unit
 
-    Maker = Callable[[Unit], Device]
+    Maker = Callable[[DriverContext], Device]
 
-__all__ = ["FOLDER", "all_manifests", "device_maker", "driver_kinds", "maker_in", "manifest_of", "prober"]
+__all__ = ["FOLDER", "all_manifests", "device_maker", "driver_kinds", "maker_in", "manifest_of", "probe", "prober"]
 
 FOLDER: Final = Path(__file__).resolve().parent
 
@@ -70,7 +70,7 @@ def maker_in(folder: Path) -> tuple[Manifest, Maker]:
     if module.__file__ is None or Path(module.__file__).resolve() != folder / "driver.py":
         raise ConfigError(f"{folder}: its name is that of another package, {module.__file__}; give it one of its own")
     if not callable(getattr(module, "make", None)):
-        raise ConfigError(f"{folder / 'driver.py'}: it has no make(unit)")
+        raise ConfigError(f"{folder / 'driver.py'}: it has no make(context)")
     return manifest, cast("Maker", module.make)
 
 
@@ -80,3 +80,13 @@ def prober(kind: str) -> Callable[[], Sequence[Found]] | None:
         return None
     module: ModuleType = importlib.import_module(f"metaros.drivers.{kind}.probe")
     return cast("Callable[[], Sequence[Found]]", module.find)
+
+
+def probe(manifests: Sequence[Manifest]) -> Iterator[tuple[Manifest, Sequence[Found]]]:
+    """Look for devices of these kinds, one kind after the other; a kind without a probe finds nothing.
+
+    Probes only look (lists of devices, USB ids): none sends bytes to a device that it does not know.
+    """
+    for manifest in manifests:
+        find = prober(manifest.kind)
+        yield manifest, tuple(find()) if find is not None else ()

@@ -8,15 +8,15 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from metaros.concurrency.signals import StopEvent, stop_signals
+from metaros.drivers.context import Device, DriverContext
 from metaros.drivers.manifest import Manifest
 from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
-from metaros.drivers.unit import Device, Unit
 from metaros.errors import ConfigError
 from metaros.executor import SingleThreadedExecutor
 from metaros.node import Context, heartbeat
 from metaros.node.context import shared_context
-from metaros.signals import StopEvent, stop_signals
 
 __all__ = ["main", "run_device", "run_driver"]
 
@@ -50,7 +50,7 @@ def run_driver(
 
 def run_device(
     manifest: Manifest,
-    make: Callable[[Unit], Device],
+    make: Callable[[DriverContext], Device],
     parameters: Mapping[str, Any],
     *,
     context: Context,
@@ -67,8 +67,8 @@ def run_device(
         node.start()
         while not stop.is_set() and not node.ended and not node.closed:
             executor.spin_once(_LOOK_S)
-        if node.ended and node.standing.state == "failed":
-            raise ConfigError(node.standing.detail)
+        if node.ended and node.status.state == "failed":
+            raise ConfigError(node.status.detail)
     except KeyboardInterrupt:
         pass
     finally:

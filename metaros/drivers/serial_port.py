@@ -6,7 +6,7 @@ import contextlib
 import sys
 from typing import Any, Final
 
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 from metaros.errors import ConfigError, UnavailableError
 
 __all__ = ["SerialPort"]
@@ -32,16 +32,16 @@ _GONE: Final[tuple[type[Exception], ...]] = (*_ERRORS, TypeError, AttributeError
 class SerialPort:
     """Opened on the driver's thread; `write` may come from another."""
 
-    def __init__(self, unit: Unit, port: str, baud: int, *, parity: str = "N", stop_bits: int = 1) -> None:
+    def __init__(self, context: DriverContext, port: str, baud: int, *, parity: str = "N", stop_bits: int = 1) -> None:
         """Eight data bits; `parity` is N, E or O. Raises UnavailableError: no such port now; ConfigError: a port or
         rate that can never be.
         """
         import serial
 
-        self._unit = unit
+        self._context = context
         self.port = port
         if not port:
-            raise ConfigError(f"{unit.manifest.kind}: port is empty; `metaros driver probe` lists serial ports")
+            raise ConfigError(f"{context.manifest.kind}: port is empty; `metaros driver probe` lists serial ports")
         try:
             self._serial: Any = serial.serial_for_url(
                 port,
@@ -64,7 +64,7 @@ class SerialPort:
             data = bytes(self._serial.read(max(1, min(waiting, at_most))))
         except _GONE as error:
             raise UnavailableError(f"{self.port}: {_reason(error)}") from None
-        return self._unit.heard(data) if data else data
+        return self._context.heard(data) if data else data
 
     def write(self, data: bytes) -> None:
         """Send all of it."""

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any, Final, Literal
 
 from metaros.clock import Clock
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 from metaros.errors import ConfigError, UnavailableError
 
 __all__ = ["PACKET_S", "Pacer", "SoundStream"]
@@ -30,7 +30,9 @@ _open: set[int] = set()
 class SoundStream:
     """One open input or output of 16-bit samples, interleaved; its methods are for the driver's thread."""
 
-    def __init__(self, unit: Unit, direction: Literal["input", "output"], *, rate: int, channels: int) -> None:
+    def __init__(
+        self, context: DriverContext, direction: Literal["input", "output"], *, rate: int, channels: int
+    ) -> None:
         """Open the parameter `device`: "" is the default, a number is PortAudio's, a text part of a name.
 
         Raises:
@@ -38,11 +40,11 @@ class SoundStream:
             ConfigError: PortAudio itself is not installed.
         """
         portaudio = _portaudio()
-        self._unit = unit
+        self._context = context
         self._errors = portaudio.PortAudioError
         self.frames = round(rate * PACKET_S)
         self.blocked = False  # whether the device was waited for at the last packet
-        device = str(unit["device"]).strip()
+        device = str(context["device"]).strip()
         make = portaudio.RawInputStream if direction == "input" else portaudio.RawOutputStream
         self._stream: Any = None
         with _lock:
@@ -92,12 +94,12 @@ class SoundStream:
 
     def _await(self, available: str) -> None:
         """Wait by looking, so that a device that hangs is noticed and a driver that stops need not wait."""
-        clock = self._unit.clock
+        clock = self._context.clock
         until_s, self.blocked = clock.monotonic_s() + STUCK_S, False
         try:
             while getattr(self._stream, available) < self.frames:
                 self.blocked = True
-                if self._unit.wait(_POLL_S):
+                if self._context.wait(_POLL_S):
                     return
                 if clock.monotonic_s() > until_s:
                     raise UnavailableError(f"{self.name}: no sound moved for {STUCK_S:g} s")

@@ -1,4 +1,4 @@
-"""How a driver stands: its state, counters, rate and age of readings. Thread-safe enough: numbers and texts only."""
+"""A driver's status: state, counters, rate and age of readings. Thread-safe enough: numbers and texts only."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 from metaros.clock import Clock
 
-__all__ = ["DriverState", "Standing"]
+__all__ = ["DriverState", "DriverStatus"]
 
 _RATE_WINDOW: Final = 64
 MAX_COUNTERS: Final = 64
@@ -26,8 +26,8 @@ class DriverState(StrEnum):
     FAILED = "failed"
 
 
-class Standing:
-    """What the diagnostics are made of."""
+class DriverStatus:
+    """The source of a driver's diagnostics."""
 
     def __init__(self, clock: Clock, *, stale_after_s: float) -> None:
         self._clock = clock

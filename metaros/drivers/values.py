@@ -57,7 +57,7 @@ def _converted(where: str, parameter: Parameter, value: Any) -> Any:
 
 
 def declare(node: Node, manifest: Manifest) -> None:
-    """Declare all parameters on the node. What is `local` is read-only on the wire: a set from afar is refused."""
+    """Declare all parameters on the node. What is `local` is read-only on the wire: a remote set is refused."""
     for parameter in manifest.parameters:
         rules: dict[str, Any] = {"description": parameter.summary, "read_only": parameter.local}
         if parameter.type in ("integer", "number"):

@@ -13,8 +13,8 @@ from metaros.executor.single import SingleThreadedExecutor
 from metaros.executor.timers import Timer, TimerHeap, TimerStatistics
 
 if TYPE_CHECKING:
-    from metaros.executor.fair import FairExecutor, NodeShare
-    from metaros.executor.in_asyncio import AsyncioExecutor
+    from metaros.executor.asyncio_executor import AsyncioExecutor
+    from metaros.executor.fair_executor import FairExecutor, NodeShare
     from metaros.executor.pool import MultiThreadedExecutor
 
 __all__ = [
@@ -35,15 +35,15 @@ __all__ = [
     "TimerStatistics",
 ]
 
-_LATER = {  # what a node that spins on one thread never needs
-    "AsyncioExecutor": "in_asyncio",
-    "FairExecutor": "fair",
+_LAZY = {  # what a node that spins on one thread never needs
+    "AsyncioExecutor": "asyncio_executor",
+    "FairExecutor": "fair_executor",
     "MultiThreadedExecutor": "pool",
-    "NodeShare": "fair",
+    "NodeShare": "fair_executor",
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATER:
+    if name not in _LAZY:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"metaros.executor.{_LATER[name]}"), name)
+    return getattr(importlib.import_module(f"metaros.executor.{_LAZY[name]}"), name)

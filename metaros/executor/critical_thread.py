@@ -23,11 +23,11 @@ class _CriticalExecutor(SingleThreadedExecutor):
 
 
 class CriticalThread:
-    """Spins one node. `obstacle` says why it is not in the real-time class: empty when it is, None before it starts."""
+    """Spins one node. `realtime_error`: why it has no real-time class; empty when it has, None before it starts."""
 
     def __init__(self, node: Spinnable, *, quiet: bool) -> None:
         self.node = node
-        self.obstacle: str | None = None
+        self.realtime_error: str | None = None
         self._quiet = quiet
         self._executor = _CriticalExecutor()
         self._executor.add_node(node)
@@ -53,9 +53,9 @@ class CriticalThread:
 
     def _run(self) -> None:
         try:
-            self.obstacle = make_realtime()
-            if self.obstacle and not self._quiet:
-                _log.warning("a critical node runs at ordinary priority: %s", self.obstacle)
+            self.realtime_error = make_realtime()
+            if self.realtime_error and not self._quiet:
+                _log.warning("a critical node runs at ordinary priority: %s", self.realtime_error)
         finally:
             self._ready.set()
         if not self._executor.stopped:

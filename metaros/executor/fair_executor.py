@@ -15,7 +15,7 @@ from collections.abc import Callable, Coroutine, Generator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from metaros.executor.critical import CriticalThread
+from metaros.executor.critical_thread import CriticalThread
 from metaros.executor.fair_schedule import FairSchedule, weight_of
 from metaros.executor.ingress import Ingress
 from metaros.executor.mailbox import Mailbox
@@ -147,8 +147,8 @@ class FairExecutor(SingleThreadedExecutor):
                 for node in self._work_of
             ]
         for node, thread in list(self._critical.items()):
-            realtime = f"no: {thread.obstacle}" if thread.obstacle else "yes"
-            realtime = "not started" if thread.obstacle is None else realtime
+            realtime = f"no: {thread.realtime_error}" if thread.realtime_error else "yes"
+            realtime = "not started" if thread.realtime_error is None else realtime
             rows.append(NodeShare(name=_name(node), nice=0, weight=0, critical=True, realtime=realtime))
         return rows
 
@@ -188,7 +188,7 @@ class FairExecutor(SingleThreadedExecutor):
     def _work(self, ingress: Ingress) -> bool:
         """One turn of the node that is next; False when nobody has work."""
         with self._lock:
-            for box in ingress.take_ready(self._desk):
+            for box in ingress.take_ready(self._ready_queue):
                 work = self._work_of.get(box.owner)  # type: ignore[call-overload]
                 if work is None:  # removed meanwhile
                     ingress.requeue(box)

@@ -1,4 +1,4 @@
-"""Completely fair scheduling of nodes: who runs next, and for how long. Pure: told what ran, it never looks at a clock.
+"""Completely fair scheduling of nodes: which runs next, and how long. Pure: run times are passed in, it reads no clock.
 
 The scheme is the one of the Meta-ROS paper, after Linux's Completely Fair Scheduler. With w_i the weight of node i by
 its nice level and W_total the weights of all that have work:
@@ -20,7 +20,7 @@ from sortedcontainers import SortedKeyList
 
 from metaros.errors import UsageError
 
-__all__ = ["BASE_WEIGHT", "NICE_WEIGHTS", "FairSchedule", "Turn", "weight_of"]
+__all__ = ["BASE_WEIGHT", "NICE_WEIGHTS", "FairSchedule", "TimeSlice", "weight_of"]
 
 BASE_WEIGHT: Final = 1024  # of nice 0
 # The kernel's sched_prio_to_weight: a step of one is a tenth of the CPU, a factor of about 1.25.
@@ -49,7 +49,7 @@ def weight_of(nice: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Turn(Generic[K]):
+class TimeSlice(Generic[K]):
     """Who is next and its slice by equation (1)."""
 
     key: K
@@ -122,13 +122,13 @@ class FairSchedule(Generic[K]):
             entry.runnable = False
             self._total_weight -= entry.weight
 
-    def pick(self) -> Turn[K] | None:
+    def pick(self) -> TimeSlice[K] | None:
         """Who is next; None when nobody has work."""
         if not self._timeline:
             return None
         entry: _Entry[K] = self._timeline[0]
         self._least_s = max(self._least_s, entry.virtual_s)
-        return Turn(entry.key, self.period_s * entry.weight / self._total_weight)
+        return TimeSlice(entry.key, self.period_s * entry.weight / self._total_weight)
 
     def charge(self, key: K, real_s: float) -> None:
         """It ran for so long: equation (2)."""

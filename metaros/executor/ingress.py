@@ -1,12 +1,12 @@
-"""The one crossing from Zenoh's threads to the executors.
+"""The one queue between Zenoh's threads and the executors.
 
 Zenoh calls `ingress.put`, a C function, with whatever arrives; no Python of ours runs on its threads. `collect` sorts
 what came into the mailboxes: the executor does it between callbacks. While it is stuck in a long callback, or nobody
 spins, a relief thread does it, so that every backlog stays within its mailbox's bounds.
 
-Several executors may serve nodes of one context. Each has a desk; a mailbox with work goes to the desk that claimed its
-node. Of the executors that wait, one leads: it waits on the queue, sorts for all and wakes whom it concerns. One that
-leaves to run callbacks hands the lead on.
+Several executors may serve nodes of one context. Each has a ready queue; a mailbox with work goes to the ready queue
+that claimed its node. Of the executors that wait, one leads: it waits for arrivals, sorts them for all and wakes the
+executors concerned. One that leaves to run callbacks hands the lead on.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from collections.abc import Callable, Collection, Hashable, Iterable
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
+from metaros.concurrency.native_callbacks import Addressed, addressed_to
+from metaros.concurrency.waiting import Wakeup
 from metaros.errors import UsageError
 from metaros.executor.mailbox import Mailbox
-from metaros.sinks import Parcel, parcel_to
-from metaros.waiting import Wakeup
 
-__all__ = ["Desk", "Ingress", "Ownership"]
+__all__ = ["Ingress", "Ownership", "ReadyQueue"]
 
 _RELIEF_MIN_S: Final = 0.01  # while samples flow: what arrives in so long is the overshoot of the bounds
 _RELIEF_MAX_S: Final = 0.16  # while nothing does
@@ -33,15 +33,15 @@ class Ownership:
     """Which threads spin, so that a blocking call can tell that it would wait for itself."""
 
     def __init__(self) -> None:
-        self._threads: dict[Desk, int] = {}
+        self._threads: dict[ReadyQueue, int] = {}
 
-    def begin(self, desk: Desk) -> None:
-        """The calling thread spins this desk."""
-        self._threads[desk] = threading.get_ident()
+    def begin(self, ready_queue: ReadyQueue) -> None:
+        """The calling thread spins the nodes of this ready queue."""
+        self._threads[ready_queue] = threading.get_ident()
 
-    def end(self, desk: Desk) -> None:
+    def end(self, ready_queue: ReadyQueue) -> None:
         """It spins no more."""
-        self._threads.pop(desk, None)
+        self._threads.pop(ready_queue, None)
 
     @property
     def is_mine(self) -> bool:
@@ -49,8 +49,8 @@ class Ownership:
         return list(self._threads.values()) == [threading.get_ident()]
 
 
-class Desk:
-    """Where the mailboxes with work of one executor's nodes lie. Guarded by its ingress's lock; one thread waits."""
+class ReadyQueue:
+    """The mailboxes with work of one executor's nodes. Guarded by its ingress's lock; one thread waits on it."""
 
     __slots__ = ("__weakref__", "asleep", "ingress", "ready", "signal", "woken")
 
@@ -61,7 +61,7 @@ class Desk:
         self.asleep = False  # whether its thread waits on `signal`, while another leads
         self.signal = Wakeup()
 
-    def rouse(self) -> None:
+    def wake(self) -> None:
         """End its sleep."""
         if self.asleep:
             self.asleep = False
@@ -82,11 +82,11 @@ class Ingress:
         self.unrouted = 0
         self.async_work = False  # whether some callback is an `async def`
         self._routes: dict[Hashable, tuple[Mailbox, ...]] = {}
-        self._desks: dict[object, Desk] = {}  # by node
-        self._unclaimed = Desk()
-        self._open: weakref.WeakSet[Desk] = weakref.WeakSet()
+        self._ready_queues: dict[object, ReadyQueue] = {}  # by node
+        self._unclaimed = ReadyQueue()
+        self._open: weakref.WeakSet[ReadyQueue] = weakref.WeakSet()
         self._due_s: float | None = None  # when the leader's wait is over, if by time
-        self._leader: Desk | None = None  # whose thread is taking an item: then nobody else may, or order is lost
+        self._leader: ReadyQueue | None = None  # whose thread is taking an item: then nobody else may, or order is lost
         self._lock = threading.Lock()
         self._collected = 0
         self._stop = threading.Event()
@@ -114,7 +114,7 @@ class Ingress:
         """A sink, a C function, for items without a key of their own in the table."""
         with self._lock:
             self._start_relief()
-        return parcel_to(mailbox, self.put)
+        return addressed_to(mailbox, self.put)
 
     def offer(self, mailbox: Mailbox) -> None:
         """Say that something was appended to the mailbox's `pending` from outside."""
@@ -122,11 +122,11 @@ class Ingress:
             if mailbox.queued:
                 return
             mailbox.queued = True
-            desk = self._desks.get(mailbox.owner, self._unclaimed)
-            desk.ready.append(mailbox)
-            self._nudge(desk)
+            ready_queue = self._ready_queues.get(mailbox.owner, self._unclaimed)
+            ready_queue.ready.append(mailbox)
+            self._wake_queue(ready_queue)
 
-    def also(self, chore: Callable[[], None]) -> None:
+    def add_chore(self, chore: Callable[[], None]) -> None:
         """Have the relief thread call this several times a second; it must be quick and not raise."""
         with self._lock:
             self._chores = (*self._chores, chore)
@@ -143,94 +143,94 @@ class Ingress:
             self._relief.join()
         self.wake()
 
-    # -- desks -----------------------------------------------------------------------------------------------------
+    # -- ready queues ----------------------------------------------------------------------------------------------
 
-    def claim(self, desk: Desk, nodes: Collection[object], *, spins: bool = False) -> None:
-        """Give these nodes' work to the desk, `spins` by this thread; UsageError when another has one of them."""
+    def claim(self, ready_queue: ReadyQueue, nodes: Collection[object], *, spins: bool = False) -> None:
+        """Give these nodes' work to the queue, `spins` by this thread; UsageError when another has one of them."""
         with self._lock:
-            desks = self._desks
+            queues = self._ready_queues
             for node in nodes:
-                if desks.get(node, desk) is not desk:
+                if queues.get(node, ready_queue) is not ready_queue:
                     raise UsageError("another executor is spinning this node; a node has one executor at a time")
             for node in nodes:
-                desks[node] = desk
-            if desk.ingress is not self:
-                self._register(desk)
+                queues[node] = ready_queue
+            if ready_queue.ingress is not self:
+                self._register(ready_queue)
             if spins:
-                self.owner.begin(desk)
+                self.owner.begin(ready_queue)
             if self._unclaimed.ready:
-                self._move(self._unclaimed, desk, nodes)
+                self._move(self._unclaimed, ready_queue, nodes)
 
-    def _register(self, desk: Desk) -> None:
-        desk.ingress = self
-        self._open.add(desk)
+    def _register(self, ready_queue: ReadyQueue) -> None:
+        ready_queue.ingress = self
+        self._open.add(ready_queue)
 
-    def release(self, desk: Desk, nodes: Collection[object], *, spins: bool = False) -> None:
+    def release(self, ready_queue: ReadyQueue, nodes: Collection[object], *, spins: bool = False) -> None:
         """The reverse of `claim`; what waits goes to the next who claims the nodes."""
         with self._lock:
             if spins:
-                self.owner.end(desk)
+                self.owner.end(ready_queue)
             for node in nodes:
-                if self._desks.get(node) is desk:
-                    del self._desks[node]
-            if desk.ready:
-                self._move(desk, self._unclaimed, nodes)
+                if self._ready_queues.get(node) is ready_queue:
+                    del self._ready_queues[node]
+            if ready_queue.ready:
+                self._move(ready_queue, self._unclaimed, nodes)
 
     @staticmethod
-    def _move(source: Desk, target: Desk, nodes: Collection[object]) -> None:
+    def _move(source: ReadyQueue, target: ReadyQueue, nodes: Collection[object]) -> None:
         boxes, source.ready = source.ready, []
         for box in boxes:
             (target if box.owner in nodes else source).ready.append(box)
 
-    def _nudge(self, desk: Desk) -> None:
-        """End the desk's wait, if it waits."""
-        if desk is self._leader:
+    def _wake_queue(self, ready_queue: ReadyQueue) -> None:
+        """End the wait of the queue's thread, if it waits."""
+        if ready_queue is self._leader:
             self.put(None)
         else:
-            desk.rouse()
+            ready_queue.wake()
 
     def _promote(self) -> None:
         """Let one of those that sleep lead, where nobody does."""
         if self._leader is None:
-            for desk in self._open:
-                if desk.asleep:
-                    desk.rouse()
+            for ready_queue in self._open:
+                if ready_queue.asleep:
+                    ready_queue.wake()
                     return
 
     # -- moving ----------------------------------------------------------------------------------------------------
 
-    def wait(self, desk: Desk, timeout_s: float | None) -> None:
-        """Block until the desk has work or was told to look around, or until the time is over."""
+    def wait(self, ready_queue: ReadyQueue, timeout_s: float | None) -> None:
+        """Block until the queue has work or was woken, or until the time is over."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         try:
             while True:
                 with self._lock:
-                    if desk.ready or desk.woken or (timeout_s is not None and timeout_s < 0):
+                    if ready_queue.ready or ready_queue.woken or (timeout_s is not None and timeout_s < 0):
                         return
-                    lead = self._leader is None or self._leader is desk
+                    lead = self._leader is None or self._leader is ready_queue
                     if lead:
-                        self._leader = desk
+                        self._leader = ready_queue
                     else:
-                        desk.asleep = True
-                        if desk.ingress is not self:
-                            self._register(desk)
-                if not (self._lead(timeout_s, deadline_s) if lead else desk.signal.wait(timeout_s)):
+                        ready_queue.asleep = True
+                        if ready_queue.ingress is not self:
+                            self._register(ready_queue)
+                if not (self._lead(timeout_s, deadline_s) if lead else ready_queue.signal.wait(timeout_s)):
                     return
                 if deadline_s is not None:
                     timeout_s = deadline_s - time.monotonic()
         finally:
             with self._lock:
-                desk.woken = desk.asleep = False
-                if self._leader is desk:
+                ready_queue.woken = ready_queue.asleep = False
+                if self._leader is ready_queue:
                     self._leader = None
                 self._promote()
 
     def _lead(self, timeout_s: float | None, deadline_s: float | None) -> bool:
         """Sort what arrives next, and whatever came with it; False when nothing did.
 
-        Such a queue may wait for ever, see `metaros.waiting`, and no other one has a `put` that is a C function. Two
-        things prevent that: it has tried to take its lock before its time counts, so that it does wait; and where a
-        signal's handler outlived that wait, the relief thread ends it.
+        Such a queue may wait for ever, see `metaros.concurrency.waiting`, and no other one has a `put` that is a C
+        function. Two things prevent that: it has tried to take its lock before its time counts, so that it does wait;
+        and where a signal's handler outlived that wait, the relief thread ends it.
         """
         get = self.queue.get
         try:
@@ -263,7 +263,7 @@ class Ingress:
         boxes: tuple[Mailbox, ...] = ()
         key: Hashable = None  # of the item before: runs of one key are looked up once
         for item in arrivals:
-            if type(item) is Parcel:
+            if type(item) is Addressed:
                 box = item.start
                 box.pending.append(item.stop)
                 touched.add(box)
@@ -276,36 +276,36 @@ class Ingress:
                 if not boxes:
                     self.unrouted += 1
             else:
-                for desk in self._open:
-                    desk.woken = True
-                    desk.rouse()
+                for ready_queue in self._open:
+                    ready_queue.woken = True
+                    ready_queue.wake()
         for box in touched:
             box.trim()
             if not box.queued:
                 box.queued = True
-                desk = self._desks.get(box.owner, self._unclaimed)
-                desk.ready.append(box)
-                desk.rouse()
+                ready_queue = self._ready_queues.get(box.owner, self._unclaimed)
+                ready_queue.ready.append(box)
+                ready_queue.wake()
 
-    def take_ready(self, desk: Desk) -> list[Mailbox]:
-        """The desk's mailboxes with work, in the order in which it came; each is the caller's until it requeues it."""
-        if not desk.ready:
+    def take_ready(self, ready_queue: ReadyQueue) -> list[Mailbox]:
+        """The queue's mailboxes with work, in the order in which it came; each is the caller's until it requeues it."""
+        if not ready_queue.ready:
             return []
         with self._lock:
-            taken, desk.ready = desk.ready, []
+            taken, ready_queue.ready = ready_queue.ready, []
             return taken
 
-    def requeue(self, mailbox: Mailbox, *, nudge: bool = False) -> None:
-        """Give a mailbox back: it stays on its desk while it has work that may run. `nudge` ends the desk's wait."""
+    def requeue(self, mailbox: Mailbox, *, wake_executor: bool = False) -> None:
+        """Give a mailbox back: it stays queued while it has work that may run. `wake_executor`: end its wait."""
         with self._lock:
             # First the flag, then the look: whoever appends then looks at the flag, and one of the two sees the other.
             mailbox.queued = False
             if mailbox.pending and not mailbox.busy:
                 mailbox.queued = True
-                desk = self._desks.get(mailbox.owner, self._unclaimed)
-                desk.ready.append(mailbox)
-                if nudge:
-                    self._nudge(desk)
+                ready_queue = self._ready_queues.get(mailbox.owner, self._unclaimed)
+                ready_queue.ready.append(mailbox)
+                if wake_executor:
+                    self._wake_queue(ready_queue)
 
     # -- relief ----------------------------------------------------------------------------------------------------
 

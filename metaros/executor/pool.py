@@ -22,12 +22,12 @@ from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
 from metaros.executor.single import SingleThreadedExecutor
 from metaros.executor.timers import Timer
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import asyncio
 else:
-    asyncio = Later("asyncio")
+    asyncio = LazyModule("asyncio")
 
 __all__ = ["MultiThreadedExecutor"]
 
@@ -97,7 +97,7 @@ class MultiThreadedExecutor(SingleThreadedExecutor):
                 if not timer.busy:
                     self._count(timer, 1)
                     self._submit(_Job(timer, self._group_of(timer, node)))
-        for mailbox in ingress.take_ready(self._desk):
+        for mailbox in ingress.take_ready(self._ready_queue):
             worked = True
             self._submit(_Job(mailbox, self._group_of(mailbox, mailbox.owner)))
         return worked
@@ -140,14 +140,14 @@ class MultiThreadedExecutor(SingleThreadedExecutor):
     def _handle_one(self, mailbox: Mailbox, job: _Job) -> None:
         """One item, after the next was left to another thread."""
         if mailbox.busy:
-            _ingress_of(mailbox).requeue(mailbox, nudge=True)
+            _ingress_of(mailbox).requeue(mailbox, wake_executor=True)
             return
         self._count(mailbox, 1)  # before the next may be taken: so many at most are under way
         item = _take(mailbox)
         if item is not None and mailbox.pending:
             self._jobs.put(job)
         else:
-            _ingress_of(mailbox).requeue(mailbox, nudge=True)
+            _ingress_of(mailbox).requeue(mailbox, wake_executor=True)
         coroutine = None if item is None else _handle(mailbox, item)
         if coroutine is not None:
             self._hand_over(coroutine, _Job(mailbox, job.group))
@@ -184,7 +184,7 @@ class MultiThreadedExecutor(SingleThreadedExecutor):
         if isinstance(job.source, Timer):
             self._count(job.source, -1)
         else:
-            _ingress_of(job.source).requeue(job.source, nudge=True)
+            _ingress_of(job.source).requeue(job.source, wake_executor=True)
         following = job.group.leave()
         if following is not None:
             self._jobs.put(following)

@@ -15,20 +15,20 @@ from collections.abc import Awaitable, Coroutine
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
+from metaros.concurrency.signals import StopEvent
 from metaros.errors import ClosedError, UsageError
-from metaros.executor.ingress import Desk, Ingress
+from metaros.executor.ingress import Ingress, ReadyQueue
 from metaros.executor.interrupts import Interrupts, interrupts
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
-from metaros.executor.switching import SWITCH_INTERVAL_S, shorten_switch_interval
+from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.executor.timers import Timer
-from metaros.later import Later
-from metaros.signals import StopEvent
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import asyncio
 else:
-    asyncio = Later("asyncio")
+    asyncio = LazyModule("asyncio")
 
 __all__ = ["SingleThreadedExecutor"]
 
@@ -45,7 +45,7 @@ class SingleThreadedExecutor:
     )
 
     def __init__(self) -> None:
-        self._desk = Desk()
+        self._ready_queue = ReadyQueue()
         self._serving: Ingress | None = None  # while it spins
         self._nodes: list[Spinnable] = []
         self._stopped = StopEvent()
@@ -64,7 +64,7 @@ class SingleThreadedExecutor:
         self._check_context(node)
         if node not in self._nodes:
             if self._serving is not None:
-                self._serving.claim(self._desk, [node])
+                self._serving.claim(self._ready_queue, [node])
             self._nodes.append(node)
             node.ingress.wake()
 
@@ -72,7 +72,7 @@ class SingleThreadedExecutor:
         """Run its callbacks no more; its samples wait within their bounds."""
         if node in self._nodes:
             self._nodes.remove(node)
-            node.ingress.release(self._desk, [node])
+            node.ingress.release(self._ready_queue, [node])
 
     def _members(self) -> list[Spinnable]:
         return self._nodes
@@ -126,7 +126,7 @@ class SingleThreadedExecutor:
         if not self._spinning.acquire(blocking=False):
             raise UsageError("another thread is spinning this executor")
         try:
-            ingress.claim(self._desk, self._nodes, spins=True)
+            ingress.claim(self._ready_queue, self._nodes, spins=True)
         except UsageError:
             self._spinning.release()
             raise
@@ -139,7 +139,7 @@ class SingleThreadedExecutor:
 
     def _end(self, ingress: Ingress) -> None:
         self._serving = None
-        ingress.release(self._desk, self._nodes, spins=True)
+        ingress.release(self._ready_queue, self._nodes, spins=True)
         self._spinning.release()
         if self._stopped.is_set():
             self._close_if_idle()
@@ -180,7 +180,7 @@ class SingleThreadedExecutor:
             wait_s = self._patience_s(deadline_s)
             if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
                 return False
-            ingress.wait(self._desk, wait_s)
+            ingress.wait(self._ready_queue, wait_s)
             if self._ends() or self._wants_loop(ingress):
                 return True
         return True
@@ -201,7 +201,7 @@ class SingleThreadedExecutor:
     def _work(self, ingress: Ingress) -> bool:
         """Run what is due and ready once; False when there was nothing."""
         worked = self._run_timers()
-        for mailbox in ingress.take_ready(self._desk):
+        for mailbox in ingress.take_ready(self._ready_queue):
             if mailbox.owner in self._nodes and not self._stopped.is_set():
                 worked = self._run_mailbox(mailbox) or worked
             ingress.requeue(mailbox)
@@ -314,7 +314,7 @@ class SingleThreadedExecutor:
 
         def pump() -> None:
             while not self._stopped.is_set():
-                ingress.wait(self._desk, None)
+                ingress.wait(self._ready_queue, None)
                 try:
                     loop.call_soon_threadsafe(arrived.set)
                 except RuntimeError:  # the loop was closed

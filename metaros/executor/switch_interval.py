@@ -1,4 +1,4 @@
-"""How long a thread that computes may keep Python's interpreter from one that waits for it.
+"""Python's thread switch interval: how long a computing thread may keep the GIL from one that waits.
 
 Python's own interval of 5 ms would be added to every hand-over while a callback computes, so executors shorten it. A
 program that set another one keeps it, and `METAROS_SWITCH_INTERVAL=off` keeps Python's.

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from metaros.errors import FieldError
 from metaros.idl.arrays import DTYPES, as_array
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["enum_holder", "hold_bytes", "hold_tuple", "list_holder", "shape_holder"]
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import FieldError
 from metaros.idl.definitions import INTEGER_RANGES
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["DTYPES", "as_array", "same_values"]
 

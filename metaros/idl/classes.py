@@ -10,12 +10,12 @@ from metaros.idl.arrays import DTYPES, as_array, same_values
 from metaros.idl.catalogue import Catalogue, default_catalogue
 from metaros.idl.definitions import ActionDefinition, Field, FieldType, MessageDefinition, ServiceDefinition
 from metaros.idl.hashing import type_hash
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["Action", "Message", "Service", "equality_source", "maker", "message_class", "reject_unknown", "zero"]
 

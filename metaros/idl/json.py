@@ -10,12 +10,12 @@ from metaros.idl.arrays import DTYPES, as_array
 from metaros.idl.catalogue import Catalogue
 from metaros.idl.classes import Message, message_class
 from metaros.idl.definitions import INTEGER_RANGES, Field, FieldType
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     import numpy as np
 else:
-    np = Later("numpy")
+    np = LazyModule("numpy")
 
 __all__ = ["MAX_LISTED_BYTES", "from_dict", "from_json", "to_json"]
 

@@ -1,4 +1,4 @@
-"""Annotations for `@message` classes: exact ROS types, bounds and shapes, all invisible to type checkers.
+"""`Annotated[…]` markers for `@message` classes: exact ROS types, bounds and shapes, all invisible to type checkers.
 
 speed: float32
 name: Annotated[str, Bounded(20)]

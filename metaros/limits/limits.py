@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from metaros.function_limits import FunctionLimits
+from metaros.limits.functions import FunctionLimits
 
 __all__ = ["LIMITS", "Limits"]
 
@@ -169,7 +169,7 @@ class Limits(FunctionLimits):
     key_life_s: float = 315_360_000.0  # the longest life of a key that has an end: ten years
     robot_patterns: int = 64  # that say which robots a user or a key sees
     credential_chars: int = 512  # of a key or a session's token; longer ones are not even looked up
-    attendance_s: float = 2.0  # how often it is asked whether who has a socket open may still be here
+    credential_check_s: float = 2.0  # how often it is asked whether who has a socket open may still be here
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
     listed: int = 10_000  # items of one page of a list
     robot_rows_bytes: int = 64 * MIB  # of robots as they are shown in lists, rendered; who was not asked for goes first

@@ -14,8 +14,8 @@ from metaros.link.columns import (
     unpack_batch,
     unpack_metrics,
 )
-from metaros.link.ready import batch_bytes, batches_frame, metrics_frame
-from metaros.link.squeeze import expand, squeeze
+from metaros.link.compression import compress, decompress
+from metaros.link.packed_frames import batch_bytes, batches_frame, metrics_frame
 
 __all__ = [
     "BACKFILL_BIT",
@@ -27,12 +27,12 @@ __all__ = [
     "SampleColumns",
     "batch_bytes",
     "batches_frame",
-    "expand",
+    "compress",
+    "decompress",
     "metrics_frame",
     "pack_batch",
     "pack_metrics",
     "split_sample",
-    "squeeze",
     "unpack_batch",
     "unpack_metrics",
 ]

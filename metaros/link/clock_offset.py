@@ -47,7 +47,7 @@ class ClockOffset:
         self._clock = clock
         self._sent: dict[int, int] = {}  # our wall time in a beat -> our monotonic ns then
         self._last_sent_ns = -1_000_000
-        self._heard: tuple[int, int] | None = None  # peer's sent_ns, our monotonic ns at arrival
+        self._received: tuple[int, int] | None = None  # peer's sent_ns, our monotonic ns at arrival
         self._exchanges: deque[_Exchange] = deque(maxlen=EXCHANGES)
         self._one_way_ns: int | None = None
 
@@ -61,14 +61,14 @@ class ClockOffset:
         self._sent[sent_ns] = now_ns
         while len(self._sent) > REMEMBERED_BEATS:
             del self._sent[next(iter(self._sent))]
-        if self._heard is None:
+        if self._received is None:
             return Beat(sent_ns, 0, 0)
-        return Beat(sent_ns, self._heard[0], now_ns - self._heard[1])
+        return Beat(sent_ns, self._received[0], now_ns - self._received[1])
 
     def received(self, sent_ns: int, echo_ns: int, held_ns: int) -> None:
         """Take in a heartbeat of the peer; one that answers none of ours only marks the time."""
         now_ns = self._monotonic_ns()
-        self._heard = (sent_ns, now_ns)
+        self._received = (sent_ns, now_ns)
         self.saw(sent_ns)
         ours_ns = self._sent.get(echo_ns)
         if ours_ns is None or held_ns < 0:
@@ -103,13 +103,13 @@ class ClockOffset:
         return self._exchanges[-1].round_trip_ns / 1e9 if self._exchanges else None
 
     def peer_now_ns(self) -> int | None:
-        """The peer's wall clock now, None when nothing was ever heard."""
+        """The peer's wall clock now, None when nothing was ever received."""
         best = self._best()
         difference_ns = self._one_way_ns if best is None else best.difference_ns
         return None if difference_ns is None else self._monotonic_ns() + difference_ns
 
     def offset_ns(self) -> int | None:
-        """The peer's wall clock minus ours, None when nothing was ever heard."""
+        """The peer's wall clock minus ours, None when nothing was ever received."""
         peer_ns = self.peer_now_ns()
         return None if peer_ns is None else peer_ns - self._clock.wall_ns()
 

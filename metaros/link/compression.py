@@ -9,14 +9,14 @@ from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["expand", "squeeze"]
+__all__ = ["compress", "decompress"]
 
 _LEAST_BYTES = 256
 _LEVEL = 1
 _MAX_RATIO = 100
 
 
-def squeeze(columns: bytes, compression: str) -> bytes:
+def compress(columns: bytes, compression: str) -> bytes:
     """The columns of a Batch with their payload compressed, or as they are where that saves less than a tenth."""
     if compression == "none" or len(columns) < _LEAST_BYTES:
         return columns
@@ -28,7 +28,7 @@ def squeeze(columns: bytes, compression: str) -> bytes:
     return batch.SerializeToString()
 
 
-def expand(batch: link_pb2.Batch, *, limits: Limits = LIMITS) -> link_pb2.Batch:
+def decompress(batch: link_pb2.Batch, *, limits: Limits = LIMITS) -> link_pb2.Batch:
     """The batch with its payload as it was.
 
     Raises:

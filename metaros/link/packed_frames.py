@@ -1,4 +1,4 @@
-"""Frames from columns that were packed before: a message's numbers are written in front, the rest is a copy.
+"""Link frames from columns that are already packed: header fields are written in front, the rest is copied.
 
 Protocol Buffers let a message be made of pieces: the serialised fields of one, one after the other, are its bytes.
 """

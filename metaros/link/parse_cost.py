@@ -1,4 +1,4 @@
-"""What it costs to read a type that an agent tells with its graph, estimated before a line of it is parsed."""
+"""The estimated cost of parsing a message type that an agent sends, known before a line of it is parsed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 from metaros._proto import link_pb2
 
-__all__ = ["TYPE_STEPS", "steps_of"]
+__all__ = ["TYPE_STEPS", "parse_cost"]
 
 TYPE_STEPS: Final = 64  # of each type: its hash, and the common messages that one line may bring along
 PART_STEPS: Final = 2
@@ -15,7 +15,7 @@ STEP_BYTES: Final = 64  # of plain text
 COUNTED: Final = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029,'\""  # what ends lines, and what long default values are made of
 
 
-def steps_of(text: link_pb2.TypeText, *, enough: int) -> int:
+def parse_cost(text: link_pb2.TypeText, *, enough: int) -> int:
     """How many steps it takes: about one a line, 5 to 10 us each. Beyond `enough` it is not counted further."""
     steps = TYPE_STEPS + text.ByteSize() // STEP_BYTES
     for part in text.parts:

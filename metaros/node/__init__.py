@@ -12,11 +12,11 @@ from metaros.node.info import MessageInfo
 from metaros.node.logger import Logger
 from metaros.node.node import Node
 from metaros.node.publisher import Publisher, RawPublisher
-from metaros.node.rate import Rate
 from metaros.node.service import Service
-from metaros.node.sim_time import SimClock
 from metaros.node.spin import spin
 from metaros.node.subscription import RawSubscription, Subscription
+from metaros.node.time.rate import Rate
+from metaros.node.time.sim_time import SimClock
 
 if TYPE_CHECKING:
     from metaros.node.action import ActionClient, ActionResult, ActionServer, ClientGoal, GoalState, ServerGoal

@@ -47,6 +47,11 @@ class NodeArguments:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     log_level: str = ""
 
+    @property
+    def full_name(self) -> str:
+        """The name with its namespace."""
+        return f"{self.namespace.rstrip('/')}/{self.name}"
+
     def remapped(self, full_name: str) -> str:
         """The name to use in place of this one."""
         return self.remaps.get(full_name, full_name)

@@ -15,17 +15,17 @@ from queue import Empty
 from typing import Any
 
 from metaros.clock import SystemClock
+from metaros.concurrency.waiting import WaitQueue
 from metaros.errors import MetarosError
-from metaros.node.call import Call
-from metaros.waiting import WaitQueue
+from metaros.node.pending_call import PendingCall
 
-__all__ = ["CallFuture", "Replies"]
+__all__ = ["CallFuture", "CallFutures"]
 
 
 class CallFuture(Future[Any]):
     """The response to come. Cancelling it cancels the call."""
 
-    def __init__(self, call: Call, convert: Callable[[bytes], Any]) -> None:
+    def __init__(self, call: PendingCall, convert: Callable[[bytes], Any]) -> None:
         super().__init__()
         self.call, self._convert = call, convert
 
@@ -46,7 +46,7 @@ class CallFuture(Future[Any]):
             self.set_exception(error)
 
 
-class Replies:
+class CallFutures:
     """A thread that completes futures, started with the first one."""
 
     def __init__(self, name: str) -> None:

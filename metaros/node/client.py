@@ -6,23 +6,21 @@ import itertools
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import zenoh
 
-from metaros.cdr import Codec
+from metaros.cdr import Codec, codec
 from metaros.errors import ClosedError, FieldError, UnavailableError, UsageError
-from metaros.node.call import FOREVER_S, GRACE_S, Call, Reply
-from metaros.node.endpoint import Endpoint
-from metaros.node.replies import CallFuture, Replies
-from metaros.wire import QoSProfile, pack_attachment
+from metaros.node.call_futures import CallFuture, CallFutures
+from metaros.node.core import NodeCore
+from metaros.node.endpoint import Endpoint, as_qos
+from metaros.node.pending_call import FOREVER_S, GRACE_S, PendingCall, Reply
+from metaros.wire import QoSProfile, pack_attachment, qos_services
 from metaros.wire.graph import Token
-from metaros.wire.tokens import EndpointToken
+from metaros.wire.liveliness_tokens import EndpointToken
 
-if TYPE_CHECKING:
-    from metaros.node.node import Node
-
-__all__ = ["Client", "RawClient"]
+__all__ = ["Client", "RawClient", "make_client"]
 
 T = TypeVar("T")
 DEFAULT_TIMEOUT_S: Final = 10.0
@@ -32,14 +30,14 @@ _REPLIES: Final = 16  # of one blocking call that Zenoh keeps until they are rea
 class RawClient(Endpoint):
     """Calls a service in CDR bytes under a type that need not be known. Thread-safe."""
 
-    def __init__(self, node: Node, service: str, type_name: str, type_hash: str, qos: QoSProfile) -> None:
+    def __init__(self, node: NodeCore, service: str, type_name: str, type_hash: str, qos: QoSProfile) -> None:
         super().__init__(node, "SC", service, type_name, type_hash, qos)
         self._next_seq = itertools.count(1).__next__
         self._expression = zenoh.KeyExpr(self.key)
         self._lock = threading.Lock()
-        self._calls: set[Call] = set()
+        self._calls: set[PendingCall] = set()
         self._servers: set[str] = set()  # tokens; kept here so that no call has to search the graph
-        self._replies = Replies(self.topic)
+        self._replies = CallFutures(self.topic)
         self.on_close(self._replies.close)
         self.on_close(self._abandon)
         self.on_close(node.graph.on_token(self._on_token))
@@ -149,13 +147,13 @@ class RawClient(Endpoint):
     def _response(self, data: bytes) -> Any:
         return data
 
-    def _send(self, payload: bytes, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:
+    def _send(self, payload: bytes, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> PendingCall:
         call = self._start(timeout_s, lost)
         answers = zenoh.handlers.Callback(call.take, call.finish, indirect=False)
         self._get(call, payload, timeout_s + GRACE_S, answers)
         return call
 
-    def _start(self, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:
+    def _start(self, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> PendingCall:
         """A new call; an error at once where it makes no sense."""
         if self.closed:
             raise ClosedError(f"the client of {self.topic} was closed")
@@ -163,9 +161,9 @@ class RawClient(Endpoint):
             raise UsageError(f"a call needs a timeout of more than 0 and at most {FOREVER_S:g} s, not {timeout_s}")
         if not self._servers and not self.service_is_ready():
             raise lost(f"no server of {self.topic} with type {self.type_name} is in the graph")
-        return Call(self.topic, self._next_seq(), self.gid, timeout_s, lost)
+        return PendingCall(self.topic, self._next_seq(), self.gid, timeout_s, lost)
 
-    def _get(self, call: Call, payload: bytes, timeout_s: float, handler: Any) -> Any:
+    def _get(self, call: PendingCall, payload: bytes, timeout_s: float, handler: Any) -> Any:
         """Send the query; what Zenoh makes of the handler."""
         self._calls.add(call)
         call.when_finished(lambda: self._calls.discard(call))
@@ -189,7 +187,7 @@ class Client(RawClient):
     """Calls a service with its request class and returns its response class."""
 
     def __init__(
-        self, node: Node, service: type[Any], name: str, *, request: Codec, response: Codec, qos: QoSProfile
+        self, node: NodeCore, service: type[Any], name: str, *, request: Codec, response: Codec, qos: QoSProfile
     ) -> None:
         self._codecs = request, response
         self.service_type = service
@@ -202,3 +200,9 @@ class Client(RawClient):
 
     def _response(self, data: bytes) -> Any:
         return self._codecs[1].decode(data)
+
+
+def make_client(node: NodeCore, service_type: type[Any], name: str, qos: QoSProfile | int = qos_services) -> Client:
+    """The client of a service class."""
+    request, response = codec(service_type.Request), codec(service_type.Response)
+    return Client(node, service_type, name, request=request, response=response, qos=as_qos(qos))

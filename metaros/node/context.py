@@ -9,17 +9,17 @@ from typing import Protocol
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ClosedError
 from metaros.executor import Ingress
-from metaros.node.arrivals import Arrivals
-from metaros.node.drops import Drops
+from metaros.node.drop_statistics import DropStatistics
+from metaros.node.key_subscribers import KeySubscribers
 from metaros.node.sporadic import SporadicHeartbeats
 from metaros.node.watch import Watch
 from metaros.wire import Graph, WireSession
 
-__all__ = ["Context", "shared_context"]
+__all__ = ["Closable", "Context", "shared_context"]
 
 
 class Closable(Protocol):
-    """What a context closes with itself: nodes."""
+    """What a context closes with itself, which is nodes, and what a node does, which is endpoints."""
 
     def close(self) -> None:
         """Leave the graph."""
@@ -50,9 +50,9 @@ class Context:
         )
         self.graph = Graph(self.session)
         self.ingress = Ingress()
-        self.arrivals = Arrivals(self.session, self.ingress)
+        self.key_subscribers = KeySubscribers(self.session, self.ingress)
         self.watch = Watch(self.graph)
-        self.drops = Drops(self.session, self.ingress)
+        self.drops = DropStatistics(self.session, self.ingress)
         self.sporadic = SporadicHeartbeats()
         self._nodes: list[Closable] = []
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""Threads of dedicated subscriptions: how samples reach a callback that does not wait for the executor."""
+"""Threads of dedicated subscriptions, whose callbacks do not wait for the executor."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import zenoh
 
 from metaros.executor import Ingress, Mailbox
 
-__all__ = ["ChannelLane", "RingLane", "feed", "one_by_one"]
+__all__ = ["ChannelThread", "RingThread", "feed", "handle_each"]
 
 _CHANNEL: Final = 1024  # samples
 _PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
-_AHEAD: Final = 512  # samples that a lane passes on before the executor must have handled half of them
+_AHEAD: Final = 512  # samples that a thread passes on before the executor must have handled half of them
 _YIELD_S: Final = 0.0003
 _BATCH: Final = 512  # at most: while a full channel is emptied one by one, each sample wakes Zenoh's thread
 _BATCH_S: Final = 0.005  # what handling a batch should not take longer than
 _FLOOD: Final = 8  # samples at once that mean more are on their way
 
 
-class RingLane:
+class RingThread:
     """Keep-last: Zenoh's own ring of `depth` samples, emptied by one thread without a Python call on Zenoh's side.
 
     What the ring overwrites never reaches Python, so it counts as lost (by sequence number), not as dropped.
@@ -59,7 +59,7 @@ class RingLane:
                 return
 
 
-class ChannelLane:
+class ChannelThread:
     """Keep-all: a channel in Zenoh's own memory that makes publishers wait for a while rather than lose a sample.
 
     A thread hands the samples to `handle`. While that blocks for longer than `_PATIENCE_S`, a guard moves what arrives
@@ -150,8 +150,8 @@ class ChannelLane:
             return True
 
 
-def one_by_one(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh.Sample]], None]:
-    """A lane's handler that handles the samples on the lane's own thread."""
+def handle_each(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh.Sample]], None]:
+    """A handler that processes the samples on the dedicated thread itself."""
 
     def handle_all(batch: list[zenoh.Sample]) -> None:
         for sample in batch:
@@ -161,7 +161,7 @@ def one_by_one(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh
 
 
 def feed(ingress: Ingress, mailbox: Mailbox, lane_stopped: Callable[[], bool]) -> Callable[[list[zenoh.Sample]], None]:
-    """A lane's handler that passes samples on to an executor and waits while it has enough to do."""
+    """A handler that passes samples on to an executor, and waits while that has enough to do."""
     pause = threading.Event()
     pending, limit_bytes = mailbox.pending, mailbox.limit_bytes
 

@@ -1,4 +1,4 @@
-"""What waits for each subscription of a context and what it dropped, told to whoever asks, such as `metaros top`.
+"""Queue and drop statistics of a context's subscriptions, served on request, for example to `metaros top`.
 
 A query on `@metaros/<domain>/<zid>/subscriptions` is answered with a JSON list, one object a subscription. Nothing is
 sent while nobody asks, and no thread waits for it: the ingress's relief thread looks, and an answer has a thread of its
@@ -10,8 +10,9 @@ from __future__ import annotations
 import itertools
 import json
 import threading
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import zenoh
 
@@ -19,14 +20,11 @@ from metaros.executor import Ingress
 from metaros.limits import LIMITS
 from metaros.wire import WireSession
 
-if TYPE_CHECKING:
-    from metaros.node.subscription import Subscription
-
-__all__ = ["Drops", "drops_key"]
+__all__ = ["DropStatistics", "drops_key"]
 
 _QUERIES: Final = 8  # that wait; the oldest gets no answer
-_WEIGHED: Final = 256  # items of a queue whose size is looked at; the rest is taken to be like them
 _JOIN_S: Final = 1.0
+Row = Callable[[], dict[str, object]]
 
 
 def drops_key(domain: int, zid: str = "*") -> str:
@@ -34,37 +32,37 @@ def drops_key(domain: int, zid: str = "*") -> str:
     return f"@metaros/{domain}/{zid}/subscriptions"
 
 
-class Drops:
-    """The subscriptions of one context. Thread-safe."""
+class DropStatistics:
+    """Serves the statistics of one context's subscriptions, each by a function that returns its row. Thread-safe."""
 
     def __init__(self, session: WireSession, ingress: Ingress) -> None:
         self._session = session
         self._ingress = ingress
         self._key = drops_key(session.domain, session.zid)
         self._lock = threading.Lock()
-        self._subscriptions: dict[Subscription, None] = {}
+        self._rows: dict[Row, None] = {}
         self._queryable: Any = None
         self._answering: threading.Thread | None = None
 
-    def add(self, subscription: Subscription) -> None:
-        """Tell of this one, too."""
+    def add(self, row: Row) -> None:
+        """Include this one."""
         with self._lock:
-            self._subscriptions[subscription] = None
+            self._rows[row] = None
             if self._queryable is None:
                 handler: Any = zenoh.handlers.RingChannel(_QUERIES)
                 self._queryable = self._session.check_open().declare_queryable(self._key, handler, complete=True)
-                self._ingress.also(self._look)
+                self._ingress.add_chore(self._look)
 
-    def discard(self, subscription: Subscription) -> None:
+    def discard(self, row: Row) -> None:
         """The reverse of `add`."""
         with self._lock:
-            self._subscriptions.pop(subscription, None)
+            self._rows.pop(row, None)
 
     def rows(self) -> list[dict[str, object]]:
         """One row a subscription, in the order in which they were made."""
         with self._lock:
-            subscriptions = list(itertools.islice(self._subscriptions, LIMITS.subscription_rows))
-        return [_row(subscription) for subscription in subscriptions]
+            rows = list(itertools.islice(self._rows, LIMITS.subscription_rows))
+        return [row() for row in rows]
 
     def close(self) -> None:
         """Answer no more; called before the session closes."""
@@ -90,23 +88,3 @@ class Drops:
                 query.reply(self._key, json.dumps(self.rows()))
                 query.drop()
                 query = self._queryable.handler.try_recv()
-
-
-def _row(subscription: Subscription) -> dict[str, object]:
-    queues = [list(mailbox.pending) for mailbox in subscription.mailboxes]  # copied in one step of the interpreter
-    return {
-        "node": subscription.node.full_name,
-        "topic": subscription.topic,
-        "depth": subscription.mailboxes[0].depth,
-        "queued": sum(map(len, queues)) if subscription.mailboxes_hold_all else None,
-        "queued_bytes": sum(map(_weight, queues)) if subscription.mailboxes_hold_all else None,
-        "dropped": subscription.dropped,
-        "lost": subscription.lost,
-        "expired": subscription.expired,
-        "malformed": subscription.malformed,
-    }
-
-
-def _weight(items: list[zenoh.Sample]) -> int:
-    newest = items[-_WEIGHED:]
-    return sum(len(item.payload) for item in newest) * len(items) // max(1, len(newest))

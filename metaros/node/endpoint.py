@@ -1,21 +1,19 @@
-"""What publishers, subscriptions, service servers and clients have in common: a key, a token, a GID, an end."""
+"""What publishers, subscriptions, service servers and clients have in common: a key, a token, a GID and `close`."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
 from metaros.errors import ClosedError
-from metaros.node.events.observer import Observer
+from metaros.node.core import NodeCore
+from metaros.node.events.endpoint_monitor import EndpointMonitor
 from metaros.wire import DataKey, EndpointToken, QoSProfile
-from metaros.wire.tokens import EndpointKind
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
+from metaros.wire.liveliness_tokens import EndpointKind
 
 __all__ = ["Endpoint", "as_qos"]
 
@@ -31,7 +29,7 @@ class Endpoint:
     """One endpoint of a node. It is in the graph from `announce` to `close`."""
 
     def __init__(
-        self, node: Node, kind: EndpointKind, name: str, type_name: str, type_hash: str, qos: QoSProfile
+        self, node: NodeCore, kind: EndpointKind, name: str, type_name: str, type_hash: str, qos: QoSProfile
     ) -> None:
         self.node = node
         self.topic = node.resolve(name)
@@ -44,7 +42,7 @@ class Endpoint:
         self.key = str(DataKey(session.domain, self.topic, type_name, type_hash))
         self.token = EndpointToken(node.token, session.next_id(), kind, self.topic, type_name, type_hash, qos.encode())
         self.gid = self.token.gid
-        self.events: Observer = Observer(self)
+        self.events: EndpointMonitor = EndpointMonitor(node, self.token, warn_once=self.warn_once)
         self._closers: list[Callable[[], object]] = []
         self._tokens: list[Any] = []
 

@@ -1,4 +1,4 @@
-"""Heartbeats of a supervised process: each node says on its executor's thread that it lives.
+"""Heartbeats of a supervised process: each node sends them from its executor's thread.
 
 A thread of the process asks every node in turn, through its executor, to speak; an executor that is stuck in a
 callback cannot. Only a supervisor that listens, by what it wrote into the environment, makes any of this happen.
@@ -11,12 +11,10 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from metaros.executor import Mailbox
+from metaros.executor import Mailbox, Spinnable
 
 if TYPE_CHECKING:
     from socket import socket
-
-    from metaros.node.node import Node
 
 __all__ = ["ENVIRONMENT", "follow", "leave"]
 
@@ -25,14 +23,14 @@ _lock = threading.Lock()
 _sender: _Sender | None = None
 
 
-def follow(node: Node) -> None:
+def follow(node: Spinnable) -> None:
     """Let the supervisor know from now on that the node's executor works; nothing without a supervisor."""
     sender = _of_process()
     if sender is not None:
         sender.add(node)
 
 
-def leave(node: Node) -> None:
+def leave(node: Spinnable) -> None:
     """The node is closed, or no longer spun: its silence means nothing."""
     sender = _sender
     if sender is not None:
@@ -56,13 +54,13 @@ class _Sender:
         self._address, self._period_s = (host, int(port)), float(period)
         self._socket: socket | None = None
         self._numbers = 0
-        self._nodes: dict[Node, tuple[int, Callable[[Any], None]]] = {}
-        self._spoken: set[Node] = set()
+        self._nodes: dict[Spinnable, tuple[int, Callable[[Any], None]]] = {}
+        self._spoken: set[Spinnable] = set()
         self._lock = threading.Lock()
         self._new = threading.Event()
         threading.Thread(target=self._run, name="metaros-heartbeat", daemon=True).start()
 
-    def add(self, node: Node) -> None:
+    def add(self, node: Spinnable) -> None:
         """Ask this node, too."""
         with self._lock:
             if node in self._nodes:
@@ -79,7 +77,7 @@ class _Sender:
             self._nodes[node] = number, node.ingress.put_to(mailbox)
         self._new.set()
 
-    def discard(self, node: Node) -> None:
+    def discard(self, node: Spinnable) -> None:
         """Ask it no more, and say that it left in good order."""
         with self._lock:
             found = self._nodes.pop(node, None)
@@ -97,7 +95,7 @@ class _Sender:
             for _, (_, ask) in nodes:
                 ask(None)
 
-    def _speak(self, node: Node, word: str) -> None:
+    def _speak(self, node: Spinnable, word: str) -> None:
         with self._lock:
             if node not in self._nodes:
                 return

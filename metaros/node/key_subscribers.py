@@ -13,11 +13,11 @@ import zenoh.ext
 from metaros.executor import Ingress, Mailbox
 from metaros.wire import QoSProfile, Reliability, WireSession
 
-__all__ = ["Arrivals", "declare_with_history"]
+__all__ = ["KeySubscribers", "declare_with_history"]
 
 
-class Arrivals:
-    """Who listens to which key. Thread-safe."""
+class KeySubscribers:
+    """Zenoh subscribers by key. Thread-safe."""
 
     def __init__(self, session: WireSession, ingress: Ingress) -> None:
         self._session = session

@@ -1,9 +1,7 @@
-"""A node: a name in the graph, and the factory of its publishers, subscriptions, services, clients and timers."""
+"""A node: a name in the graph, and the factory of its publishers, subscriptions, services, clients and actions."""
 
 from __future__ import annotations
 
-import inspect
-import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -12,27 +10,26 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import zenoh
 
 from metaros.cdr import codec
-from metaros.clock import Clock
-from metaros.errors import ClosedError, UsageError
-from metaros.executor import CallbackGroup, Ingress, Timer, TimerHeap
+from metaros.errors import UsageError
+from metaros.executor import CallbackGroup
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
 from metaros.node import heartbeat
 from metaros.node.arguments import process_arguments
-from metaros.node.client import Client, RawClient
-from metaros.node.context import Context, shared_context
-from metaros.node.endpoint import Endpoint, as_qos
+from metaros.node.client import Client, RawClient, make_client
+from metaros.node.clock_topic import follow_clock
+from metaros.node.context import Context
+from metaros.node.core import NodeCore
+from metaros.node.endpoint import as_qos
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.introspection import offer_logger_levels, offer_type_description
-from metaros.node.logger import Logger
 from metaros.node.parameters import NodeParameters, declare_sim_time, make_parameters, offer_parameters
-from metaros.node.payloads import make_publisher, payload_of
+from metaros.node.plain_values import make_publisher, make_subscription
 from metaros.node.publisher import Publisher, RawPublisher
-from metaros.node.rate import Rate
 from metaros.node.service import Service
-from metaros.node.sim_time import SimClock, follow_clock
 from metaros.node.subscription import RawSubscription, Subscription
-from metaros.wire import Graph, NodeToken, QoSProfile, qos_default, qos_rosout, qos_services
+from metaros.node.time.sim_time import SimClock
+from metaros.wire import QoSProfile, qos_default, qos_rosout, qos_services
 
 if TYPE_CHECKING:
     from metaros.node.action import ActionClient, ActionServer, ServerGoal
@@ -41,10 +38,9 @@ if TYPE_CHECKING:
 __all__ = ["Node"]
 
 F = TypeVar("F", bound=Callable[..., Any])
-_REPORTS = 4096  # faults of peers remembered as told
 
 
-class Node:
+class Node(NodeCore):
     """A node of the ROS graph. Use it as a context manager, or `close` it; its context closes it too.
 
     `context` defaults to one that all such nodes of the process share. `enable_rosout` publishes what the node logs
@@ -71,36 +67,16 @@ class Node:
         use_sim_time: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
-        self.arguments = process_arguments().for_node(names.validate_node(name), names.validate_namespace(namespace))
-        self.name, self.namespace = name, namespace = self.arguments.name, self.arguments.namespace
-        self.full_name = f"{namespace.rstrip('/')}/{name}"
+        arguments = process_arguments().for_node(names.validate_node(name), names.validate_namespace(namespace))
         self.parameters: NodeParameters = make_parameters(
-            self.full_name,
-            given=self.arguments.parameters,
+            arguments.full_name,
+            given=arguments.parameters,
             overrides=parameter_overrides,
             file=parameter_file,
             allow_undeclared=allow_undeclared_parameters,
         )
         use_sim_time = declare_sim_time(self.parameters, use_sim_time)
-        self.context = shared_context() if context is None else context
-        self.ingress: Ingress = self.context.ingress
-        self.clock: Clock = SimClock() if use_sim_time else self.context.clock
-        self.timers = TimerHeap(self.clock.monotonic_s, self.ingress.wake, paused=use_sim_time)
-        self.nice, self.critical = nice, critical
-        self.closed = False
-        self._endpoints: list[Endpoint] = []
-        self._rates: list[Rate] = []
-        self._reported: dict[object, None] = {}
-        self._lock = threading.Lock()
-        session = self.context.session
-        self.context.adopt(self)
-        self.token = NodeToken(session.domain, session.zid, session.next_id(), self.name, self.namespace)
-        self._tokens: list[Any] = []  # filled without Python in between, as `Endpoint.announce` does
-        self._tokens.extend(map(session.check_open().liveliness().declare_token, (str(self.token),)))
-        self.graph.add_own(self.token)
-        self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
-        if self.arguments.log_level:
-            self._logger.set_level(self.arguments.log_level)
+        super().__init__(arguments, context=context, use_sim_time=use_sim_time, nice=nice, critical=critical)
         if enable_rosout:
             self._logger.publish_with(self._rosout())
         if enable_parameters:
@@ -111,19 +87,6 @@ class Node:
         if isinstance(self.clock, SimClock):
             follow_clock(self, self.clock)
         heartbeat.follow(self)
-
-    @property
-    def graph(self) -> Graph:
-        """Who else is there."""
-        return self.context.graph
-
-    def get_logger(self) -> Logger:
-        """The node's logger."""
-        return self._logger
-
-    def resolve(self, name: str) -> str:
-        """The full name of a topic or service as this node means it: relative, `~/private`, `/absolute`; remapped."""
-        return self.arguments.remapped(names.resolve(name, self.namespace, self.name))
 
     # -- topics ----------------------------------------------------------------------------------------------------
 
@@ -158,19 +121,8 @@ class Node:
         `raw` gives the CDR bytes instead of a message; `dedicated` a thread of its own instead of the executor's.
         `group` says what the callback may overlap with on an executor of several threads.
         """
-        payload = payload_of(message_type)
-        return Subscription(
-            self,
-            topic,
-            payload.codec.name,
-            payload.codec.hash,
-            as_qos(qos),
-            callback,
-            decode=bytes if raw else payload.decode,
-            dedicated=dedicated,
-            events=events,
-            group=group,
-        )
+        options: Any = {"raw": raw, "dedicated": dedicated, "events": events, "group": group}
+        return make_subscription(self, message_type, topic, callback, as_qos(qos), **options)
 
     def create_raw_publisher(
         self, topic: str, type_name: str, type_hash: str, qos: QoSProfile | int = qos_default
@@ -210,8 +162,7 @@ class Node:
 
     def create_client(self, service_type: type[Any], name: str, qos: QoSProfile | int = qos_services) -> Client:
         """Call the service `name`."""
-        request, response = codec(service_type.Request), codec(service_type.Response)
-        return Client(self, service_type, name, request=request, response=response, qos=as_qos(qos))
+        return make_client(self, service_type, name, qos)
 
     def create_raw_client(
         self, service: str, type_name: str, type_hash: str, qos: QoSProfile | int = qos_services
@@ -247,25 +198,7 @@ class Node:
 
         return ActionClient(self, action, name)
 
-    # -- timers and decorators -------------------------------------------------------------------------------------
-
-    def create_timer(
-        self, period_s: float, callback: Callable[[], Any], *, group: CallbackGroup | None = None
-    ) -> Timer:
-        """Call `callback()` every `period_s` on the executor, by the node's clock."""
-        if self.closed:
-            raise ClosedError(f"{self.full_name} was closed")
-        if inspect.iscoroutinefunction(callback):
-            self.ingress.async_work = True
-        return self.timers.add(period_s, callback, group)
-
-    def create_rate(self, hz: float) -> Rate:
-        """For loops that run `hz` times a second: `rate.sleep()` on a thread of your own, or `await sleep_async()`."""
-        if self.closed:
-            raise ClosedError(f"{self.full_name} was closed")
-        rate = Rate(self.clock, hz)
-        self._rates.append(rate)
-        return rate
+    # -- decorators ------------------------------------------------------------------------------------------------
 
     def subscription(
         self,
@@ -314,46 +247,10 @@ class Node:
 
     # -- life ------------------------------------------------------------------------------------------------------
 
-    def adopt(self, endpoint: Endpoint) -> None:
-        """Close the endpoint when the node closes."""
-        with self._lock:
-            if self.closed:
-                raise ClosedError(f"{self.full_name} was closed")
-            self._endpoints.append(endpoint)
-
-    def release(self, endpoint: Endpoint) -> None:
-        """The reverse of `adopt`."""
-        with self._lock:
-            if endpoint in self._endpoints:
-                self._endpoints.remove(endpoint)
-
-    def first_report(self, about: object) -> bool:
-        """Whether this is the first time that `about` is asked: so that a repeated fault is told once."""
-        with self._lock:
-            if about in self._reported:
-                return False
-            if len(self._reported) >= _REPORTS:
-                del self._reported[next(iter(self._reported))]
-            self._reported[about] = None
-            return True
-
     def close(self) -> None:
         """Close every endpoint and leave the graph. Safe to call twice."""
-        with self._lock:
-            if self.closed:
-                return
-            self.closed = True
-            endpoints = list(self._endpoints)
         heartbeat.leave(self)
-        for rate in self._rates:
-            rate.close()
-        for endpoint in reversed(endpoints):
-            endpoint.close()
-        with suppress(zenoh.ZError):
-            self._tokens[0].undeclare()
-        self.graph.discard_own(self.token)
-        self.ingress.wake()
-        self.context.release(self)
+        super().close()
 
     def __enter__(self) -> Node:
         return self

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import zenoh
 
 from metaros.clock import SystemClock
+from metaros.concurrency.signals import StopEvent
 from metaros.errors import MetarosError, PeerError, TimeoutError_, UnavailableError
-from metaros.later import Later
-from metaros.signals import StopEvent
+from metaros.lazy_import import LazyModule
 from metaros.wire import parse_attachment
 
 if TYPE_CHECKING:
     import asyncio
 else:
-    asyncio = Later("asyncio")
+    asyncio = LazyModule("asyncio")
 
-__all__ = ["FOREVER_S", "GRACE_S", "Call", "Reply"]
+__all__ = ["FOREVER_S", "GRACE_S", "PendingCall", "Reply"]
 
 T = TypeVar("T")
 FOREVER_S: Final = 1e9  # Zenoh wants a number: a generation, for what may take as long as it takes
@@ -30,7 +30,7 @@ GRACE_S: Final = 0.5
 _TIMED_OUT: Final = "Timeout"  # what Zenoh puts into the error reply it makes itself
 
 
-class Call:
+class PendingCall:
     """The answers to one request. It ends once: answered, refused, out of time, cancelled, or failed by the client."""
 
     def __init__(
@@ -180,9 +180,9 @@ class Call:
 
 
 class Reply(Generic[T]):
-    """What a request will give: `await` it in a coroutine, or `wait()` for it in a thread."""
+    """The response to come: `await` it in a coroutine, or `wait()` for it in a thread."""
 
-    def __init__(self, call: Call, convert: Callable[[bytes], T], check: Callable[[], None]) -> None:
+    def __init__(self, call: PendingCall, convert: Callable[[bytes], T], check: Callable[[], None]) -> None:
         self._call, self._convert, self._check = call, convert, check
 
     def wait(self) -> T:

@@ -1,4 +1,4 @@
-"""Plain Python values as payloads: `create_publisher(str, …)`, and callbacks that get a `str`.
+"""Plain Python values as messages: `create_publisher(str, …)`, and callbacks that get a `str`.
 
 The choice of ROS types is told in docs/adr/0004-plain-payloads.md. The table is the whole of it.
 """
@@ -10,23 +10,22 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from operator import index
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.cdr import Codec, codec
 from metaros.errors import DecodeError, FieldError, UsageError
 from metaros.idl import message_class
+from metaros.node.core import NodeCore
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.publisher import Publisher
+from metaros.node.subscription import Subscription
 from metaros.wire import QoSProfile
 
-if TYPE_CHECKING:
-    from metaros.node.node import Node
-
-__all__ = ["PLAIN", "Payload", "PlainPublisher", "make_publisher", "payload_of"]
+__all__ = ["PLAIN", "PlainPublisher", "ValueCodec", "make_publisher", "make_subscription", "value_codec_of"]
 
 
 @dataclass(frozen=True, slots=True)
-class Payload:
+class ValueCodec:
     """How values of one Python type travel: `encode` makes CDR, `decode` gives the value back."""
 
     codec: Codec
@@ -43,17 +42,17 @@ class _Plain:
     from_data: Callable[[Any], Any]
 
 
-def payload_of(message_type: Any) -> Payload:
+def value_codec_of(message_type: Any) -> ValueCodec:
     """The payload of a message class or of a plain Python type; `UsageError` says what else can be published."""
     row = PLAIN.get(message_type) if isinstance(message_type, type) else None
     if row is None:
         _check(message_type)
         code = codec(message_type)
-        return Payload(code, code.encode, code.decode)
+        return ValueCodec(code, code.encode, code.decode)
     return _plain(row)
 
 
-def _plain(row: _Plain) -> Payload:
+def _plain(row: _Plain) -> ValueCodec:
     code, cls = codec(row.type_name), message_class(row.type_name)
     pack, unpack, to_data, from_data = code.encode, code.decode, row.to_data, row.from_data
 
@@ -63,7 +62,7 @@ def _plain(row: _Plain) -> Payload:
     def decode(data: bytes) -> Any:
         return from_data(unpack(data).data)
 
-    return Payload(code, encode, decode)
+    return ValueCodec(code, encode, decode)
 
 
 def _check(message_type: Any) -> None:
@@ -164,10 +163,10 @@ class PlainPublisher(Publisher):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         message_type: type[Any],
         topic: str,
-        payload: Payload,
+        payload: ValueCodec,
         qos: QoSProfile,
         events: PublisherEvents | None = None,
     ) -> None:
@@ -183,10 +182,27 @@ class PlainPublisher(Publisher):
 
 
 def make_publisher(
-    node: Node, message_type: type[Any], topic: str, qos: QoSProfile, events: PublisherEvents | None
+    node: NodeCore, message_type: type[Any], topic: str, qos: QoSProfile, events: PublisherEvents | None
 ) -> Publisher:
     """The publisher of a message class or of a plain type."""
-    payload = payload_of(message_type)
+    payload = value_codec_of(message_type)
     if message_type in PLAIN:
         return PlainPublisher(node, message_type, topic, payload, qos, events)
     return Publisher(node, message_type, topic, payload.codec, qos, events)
+
+
+def make_subscription(
+    node: NodeCore,
+    message_type: type[Any],
+    topic: str,
+    callback: Callable[..., Any],
+    qos: QoSProfile,
+    *,
+    raw: bool = False,
+    dedicated: bool = False,
+    **options: Any,
+) -> Subscription:
+    """The subscription of a message class or of a plain type."""
+    payload = value_codec_of(message_type)
+    name, hash_text, decode = payload.codec.name, payload.codec.hash, bytes if raw else payload.decode
+    return Subscription(node, topic, name, hash_text, qos, callback, decode=decode, dedicated=dedicated, **options)

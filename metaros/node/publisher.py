@@ -5,25 +5,23 @@ from __future__ import annotations
 import itertools
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import zenoh
 import zenoh.ext
 
 from metaros.cdr import Codec
 from metaros.clock import Clock
+from metaros.concurrency.waiting import pause
 from metaros.errors import ClosedError, FieldError, TooLargeError
 from metaros.limits import LIMITS
+from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import PublisherEvents
-from metaros.node.events.publishing import PublisherObserver
-from metaros.waiting import pause
+from metaros.node.events.publisher_monitor import PublisherMonitor
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 from metaros.wire.shm import SharedPool
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["Publisher", "RawPublisher"]
 
@@ -44,11 +42,11 @@ class RawPublisher(Endpoint):
     """Publishes CDR bytes under a type that need not be known."""
 
     publish: Publish
-    events: PublisherObserver
+    events: PublisherMonitor
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         topic: str,
         type_name: str,
         type_hash: str,
@@ -59,29 +57,29 @@ class RawPublisher(Endpoint):
         events: PublisherEvents | None = None,
     ) -> None:
         super().__init__(node, "MP", topic, type_name, type_hash, qos)
-        self.events = PublisherObserver(self, events)
+        self.events = PublisherMonitor(self, events)
         session = node.context.session
         publisher = _declare(session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
-        told = [] if self.events.sent is None else [self.events.sent]
+        monitors = [] if self.events.sent is None else [self.events.sent]
         if isinstance(publisher, zenoh.ext.AdvancedPublisher) and _reliable(qos):
-            told.append(self._tell_of_the_last_sample(publisher))
+            monitors.append(self._start_sporadic_heartbeat(publisher))
         place = _sized(self.topic, None if qos.durability is Durability.TRANSIENT_LOCAL else session.shared_pool)
         publish, retire = _publish(
             self, node.context.clock, publisher.put, message_type=message_type, encode=encode, place=place
         )
-        for sent in told:
+        for sent in monitors:
             publish = _and_note(publish, sent)
         self.publish = publish
         self.on_close(retire)
         self.announce()
 
-    def _tell_of_the_last_sample(self, publisher: zenoh.ext.AdvancedPublisher) -> Callable[[], None]:
+    def _start_sporadic_heartbeat(self, publisher: zenoh.ext.AdvancedPublisher) -> Callable[[], None]:
         """Sporadic heartbeats for as long as it is open; what to call after each sample."""
         context = self.node.context
-        sent, teller = context.sporadic.follow(context.session.check_open(), publisher)
-        self.on_close(lambda: _undeclare(teller))
-        self.on_close(lambda: context.sporadic.leave(teller))
+        sent, heartbeat = context.sporadic.follow(context.session.check_open(), publisher)
+        self.on_close(lambda: _undeclare(heartbeat))
+        self.on_close(lambda: context.sporadic.leave(heartbeat))
         return sent
 
     def assert_liveliness(self) -> None:
@@ -96,7 +94,7 @@ class Publisher(RawPublisher):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         message_type: type[Any],
         topic: str,
         codec: Codec,

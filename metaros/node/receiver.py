@@ -1,4 +1,4 @@
-"""What happens to one sample between its mailbox and the user's callback."""
+"""From a sample in its mailbox to the user's callback: checks, decoding, loss counters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Receiver:
 
     `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through
     `report(about, text)`, the callback's own exceptions are logged. `dropped()` is how many samples were pushed out
-    before they came here; a gap that they do not explain is told to `on_lost(total, change, gid)`.
+    before they came here; a gap that they do not explain is reported to `on_lost(total, change, gid)`.
     """
 
     def __init__(

@@ -6,7 +6,7 @@ import inspect
 import logging
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
@@ -14,14 +14,12 @@ from metaros.cdr import Codec
 from metaros.errors import MetarosError, PeerError
 from metaros.executor import CallbackGroup, Mailbox
 from metaros.limits import LIMITS
+from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint
 from metaros.node.info import takes
 from metaros.wire import Attachment, QoSProfile, pack_attachment, parse_attachment
 
-if TYPE_CHECKING:
-    from metaros.node.node import Node
-
-__all__ = ["Responder", "Service", "Waiting"]
+__all__ = ["PendingRequest", "Responder", "Service"]
 
 _log = logging.getLogger("metaros.node")
 _OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a request's payload
@@ -36,8 +34,8 @@ def query_bytes(query: zenoh.Query) -> int:
     return _OVERHEAD_BYTES + (0 if payload is None else len(payload))
 
 
-class Waiting:
-    """A client that waits for the answer to one request. Only the first of `answer`, `refuse` and `drop` counts."""
+class PendingRequest:
+    """A request that waits for its answer. Only the first of `answer`, `refuse` and `drop` counts."""
 
     __slots__ = ("_call", "_query", "_responder")
 
@@ -95,10 +93,10 @@ class Responder(Endpoint):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         service: type[Any],
         name: str,
-        serve: Callable[[Any, Waiting], Awaitable[None] | None],
+        serve: Callable[[Any, PendingRequest], Awaitable[None] | None],
         *,
         request: Codec,
         response: Codec,
@@ -109,7 +107,7 @@ class Responder(Endpoint):
         super().__init__(node, "SS", name, service.__metaros_name__, service.__metaros_hash__, qos)
         self._serve = serve
         self._decode, self.encode = request.decode, response.encode
-        self._waiting: dict[tuple[bytes, int], Waiting] = {}
+        self._waiting: dict[tuple[bytes, int], PendingRequest] = {}
         self.malformed = 0
         self._mailbox = Mailbox(
             self._handle,
@@ -136,7 +134,7 @@ class Responder(Endpoint):
         """Clients whose requests are being served."""
         return len(self._waiting)
 
-    def forget(self, waiting: Waiting) -> None:
+    def forget(self, waiting: PendingRequest) -> None:
         """It was answered."""
         self._waiting.pop(waiting.key, None)
 
@@ -161,7 +159,7 @@ class Responder(Endpoint):
             self.report_once(error.code, f"refused a request: {error.code}: {error}")
             refuse(query, f"{error.code}: {error}")
             return None
-        waiting = Waiting(self, query, call)
+        waiting = PendingRequest(self, query, call)
         self._waiting[waiting.key] = waiting
         return self._serve(request, waiting)
 
@@ -175,7 +173,7 @@ class Service(Responder):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         service: type[Any],
         name: str,
         callback: Callable[..., Any],
@@ -194,7 +192,7 @@ class Service(Responder):
         options: Any = {"request": request, "response": response, "qos": qos, "backlog": backlog, "group": group}
         super().__init__(node, service, name, self._call_back, **options)
 
-    def _call_back(self, request: Any, waiting: Waiting) -> Awaitable[None] | None:
+    def _call_back(self, request: Any, waiting: PendingRequest) -> Awaitable[None] | None:
         response = self._response_type()
         try:
             result = self.callback(request, response)
@@ -206,7 +204,7 @@ class Service(Responder):
         self._answer(waiting, response if result is None else result)
         return None
 
-    async def _answer_later(self, waiting: Waiting, response: Any, result: Awaitable[Any]) -> None:
+    async def _answer_later(self, waiting: PendingRequest, response: Any, result: Awaitable[Any]) -> None:
         try:
             answer = await result
         except Exception as error:
@@ -217,12 +215,12 @@ class Service(Responder):
             raise
         self._answer(waiting, response if answer is None else answer)
 
-    def _answer(self, waiting: Waiting, response: Any) -> None:
+    def _answer(self, waiting: PendingRequest, response: Any) -> None:
         try:
             waiting.answer(response)
         except MetarosError as error:
             self._failed(waiting, error)
 
-    def _failed(self, waiting: Waiting, error: Exception) -> None:
+    def _failed(self, waiting: PendingRequest, error: Exception) -> None:
         _log.error("the callback of service %s failed", self.topic, exc_info=error)
         waiting.refuse(f"{type(error).__name__}: {error}")

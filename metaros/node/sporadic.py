@@ -38,7 +38,7 @@ class SporadicHeartbeats:
     ) -> tuple[Callable[[], None], zenoh.Publisher]:
         """What to call after each sample, and where its number is told: to be given to `leave`, then undeclared."""
         where = f"{publisher.key_expr}/@adv/pub/{publisher.id.zid}/{publisher.id.eid}/_"
-        teller = session.declare_publisher(
+        heartbeat = session.declare_publisher(
             where, congestion_control=zenoh.CongestionControl.BLOCK, priority=zenoh.Priority.DATA
         )
         count = 0
@@ -46,17 +46,17 @@ class SporadicHeartbeats:
         def sent() -> None:
             nonlocal count
             with self._lock:
-                self._due[teller] = count
+                self._due[heartbeat] = count
                 count = (count + 1) % _ROUND
                 if self._timer is None:
                     self._start()
 
-        return sent, teller
+        return sent, heartbeat
 
-    def leave(self, teller: zenoh.Publisher) -> None:
+    def leave(self, heartbeat: zenoh.Publisher) -> None:
         """The publisher ends: what is due is not told any more."""
         with self._lock:
-            self._due.pop(teller, None)
+            self._due.pop(heartbeat, None)
 
     def close(self) -> None:
         """End the thread; the session must be closed before, so that no heartbeat blocks."""
@@ -70,17 +70,17 @@ class SporadicHeartbeats:
     def _start(self) -> None:
         self._timer = None
         if self._due and not self._closed:
-            timer = threading.Timer(PERIOD_S, self._tell)
+            timer = threading.Timer(PERIOD_S, self._report)
             timer.name, timer.daemon = "metaros-sporadic", True
             with suppress(RuntimeError):  # the interpreter ends: it begins no thread any more
                 timer.start()
                 self._timer = timer
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         with self._lock:
             due, self._due = self._due, {}
-        for teller, number in due.items():
+        for heartbeat, number in due.items():
             with suppress(zenoh.ZError, RuntimeError):  # the session or the publisher was closed meanwhile
-                teller.put(_NUMBER.pack(number))
+                heartbeat.put(_NUMBER.pack(number))
         with self._lock:
             self._start()

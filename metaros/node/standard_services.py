@@ -1,19 +1,17 @@
-"""Services that every node offers. Their types are compiled at the first request, so that a node is made quickly."""
+"""Services that every node offers. Their codecs are compiled at the first request, so that a node starts quickly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from metaros.cdr import Codec, codec
 from metaros.idl import message_class
+from metaros.node.core import NodeCore
 from metaros.node.service import Service
 from metaros.wire import QoSProfile
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["StandardService", "serve"]
 
@@ -27,7 +25,7 @@ class StandardService:
     type_hash: str
 
 
-class _LateCodec:
+class _LazyCodec:
     """A codec that is compiled when it is first used."""
 
     def __init__(self, name: str) -> None:
@@ -42,7 +40,7 @@ class _LateCodec:
         return codec(self._name).decode(data)
 
 
-def serve(node: Node, service: StandardService, callback: Callable[[Any, Any], Any], qos: QoSProfile) -> Service:
+def serve(node: NodeCore, service: StandardService, callback: Callable[[Any, Any], Any], qos: QoSProfile) -> Service:
     """Offer `<node>/<service>`, answered by `callback(request, response)` on the node's executor."""
     name = service.type_name
     service_type: Any = SimpleNamespace(
@@ -50,5 +48,5 @@ def serve(node: Node, service: StandardService, callback: Callable[[Any, Any], A
         __metaros_hash__=service.type_hash,
         Response=lambda: message_class(f"{name}_Response")(),
     )
-    request, response = (cast("Codec", _LateCodec(f"{name}_{part}")) for part in ("Request", "Response"))
+    request, response = (cast("Codec", _LazyCodec(f"{name}_{part}")) for part in ("Request", "Response"))
     return Service(node, service_type, f"~/{service.name}", callback, request=request, response=response, qos=qos)

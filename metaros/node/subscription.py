@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
 from metaros.errors import UsageError
 from metaros.executor import CallbackGroup, Mailbox
 from metaros.limits import LIMITS
-from metaros.node.arrivals import declare_with_history
+from metaros.node.core import NodeCore
+from metaros.node.dedicated_threads import ChannelThread, RingThread, feed, handle_each
 from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import SubscriptionEvents
-from metaros.node.events.receiving import SubscriptionObserver
+from metaros.node.events.subscription_monitor import SubscriptionMonitor
 from metaros.node.info import takes
-from metaros.node.lanes import ChannelLane, RingLane, feed, one_by_one
-from metaros.node.receive import Receiver
+from metaros.node.key_subscribers import declare_with_history
+from metaros.node.receiver import Receiver
 from metaros.wire import Durability, History, QoSProfile
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["RawSubscription", "Subscription"]
 
 
 _OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a sample's payload
+_WEIGHED = 256  # samples of a queue whose size is looked at; the rest is taken to be like them
 
 
 def sample_bytes(sample: zenoh.Sample) -> int:
@@ -42,11 +41,11 @@ class Subscription(Endpoint):
     that could not be read. `events` counts the rest.
     """
 
-    events: SubscriptionObserver
+    events: SubscriptionMonitor
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         topic: str,
         type_name: str,
         type_hash: str,
@@ -70,7 +69,7 @@ class Subscription(Endpoint):
             clock=node.context.clock,
             name=self.topic,
             report=self.report_once,
-            on_lost=self._tell_lost,
+            on_lost=self._report_lost,
             dropped=lambda: self.dropped,
         )
         self._mailbox = Mailbox(
@@ -82,20 +81,20 @@ class Subscription(Endpoint):
             group=group,
         )
         pending = self._mailbox.pending
-        self.events = SubscriptionObserver(
+        self.events = SubscriptionMonitor(
             self, events, on_inspect=self._receiver.inspect, waiting=lambda: bool(pending)
         )
         self.mailboxes = [self._mailbox]  # where samples wait
         self.mailboxes_hold_all = not dedicated  # a lane's samples wait in Zenoh's memory, which tells nothing
         self.on_close(self._mailbox.clear)
-        node.context.drops.add(self)
-        self.on_close(lambda: node.context.drops.discard(self))
+        node.context.drops.add(self._row)
+        self.on_close(lambda: node.context.drops.discard(self._row))
         if is_async:
             node.ingress.async_work = True
         if qos.history is History.KEEP_ALL:
             self._listen_to_all(dedicated=dedicated)
         elif dedicated:
-            self._start_lane(RingLane(self._receiver.handle, depth=qos.depth, name=f"metaros{self.topic}"))
+            self._start_lane(RingThread(self._receiver.handle, depth=qos.depth, name=f"metaros{self.topic}"))
         else:
             self._listen()
         self.announce()
@@ -120,14 +119,29 @@ class Subscription(Endpoint):
         """Samples that came, or came to their turn, after their lifespan."""
         return self.events.expired
 
-    def _tell_lost(self, total: int, change: int, gid: bytes) -> None:
+    def _row(self) -> dict[str, object]:
+        """What `metaros top` shows."""
+        queues = [list(mailbox.pending) for mailbox in self.mailboxes]  # copied in one step of the interpreter
+        return {
+            "node": self.node.full_name,
+            "topic": self.topic,
+            "depth": self._mailbox.depth,
+            "queued": sum(map(len, queues)) if self.mailboxes_hold_all else None,
+            "queued_bytes": sum(map(_weight, queues)) if self.mailboxes_hold_all else None,
+            "dropped": self.dropped,
+            "lost": self.lost,
+            "expired": self.expired,
+            "malformed": self.malformed,
+        }
+
+    def _report_lost(self, total: int, change: int, gid: bytes) -> None:
         self.events.missing(total, change, gid)
 
     def _listen(self) -> None:
         """Through the ingress to the executor."""
         context = self.node.context
         if self.qos.durability is not Durability.TRANSIENT_LOCAL:
-            self.on_close(context.arrivals.listen(self.key, self._mailbox))
+            self.on_close(context.key_subscribers.listen(self.key, self._mailbox))
             return
         callback = zenoh.handlers.Callback(context.ingress.put_to(self._mailbox), indirect=False)
         subscriber = declare_with_history(context.session.check_open(), self.key, self.qos, callback)
@@ -137,7 +151,7 @@ class Subscription(Endpoint):
         """Through a channel with a thread of its own, which handles the samples or feeds the executor."""
         handle = self._receiver.handle
         if dedicated:
-            run = one_by_one(handle)
+            run = handle_each(handle)
         else:
             executors = Mailbox(
                 handle,
@@ -150,9 +164,9 @@ class Subscription(Endpoint):
             self.mailboxes.append(executors)
             run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)
-        self._start_lane(ChannelLane(run, self._mailbox, name=f"metaros{self.topic}"))
+        self._start_lane(ChannelThread(run, self._mailbox, name=f"metaros{self.topic}"))
 
-    def _start_lane(self, lane: ChannelLane | RingLane) -> None:
+    def _start_lane(self, lane: ChannelThread | RingThread) -> None:
         session = self.node.context.session.check_open()
         if self.qos.durability is Durability.TRANSIENT_LOCAL:
             subscriber: Any = declare_with_history(session, self.key, self.qos, lane.handler)
@@ -163,16 +177,22 @@ class Subscription(Endpoint):
         self.on_close(subscriber.undeclare)
 
 
+def _weight(samples: list[zenoh.Sample]) -> int:
+    newest = samples[-_WEIGHED:]
+    return sum(len(sample.payload) for sample in newest) * len(samples) // max(1, len(newest))
+
+
 class RawSubscription(Endpoint):
     """Hands every sample to `sink` on a Zenoh thread, unread: for agents and tools.
 
     The sink must be as cheap as a queue's put; it must never block. Where the program itself publishes to the topic it
-    runs on the publishing thread, too: there only a C function cannot lose a Ctrl-C (see `metaros.sinks`).
+    runs on the publishing thread, too: there only a C function cannot lose a Ctrl-C
+    (see `metaros.concurrency.native_callbacks`).
     """
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         topic: str,
         type_name: str,
         type_hash: str,

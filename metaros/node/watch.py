@@ -1,30 +1,30 @@
-"""Tells the endpoints of a context who comes to their topics and who leaves."""
+"""Notifies the endpoints of a context when peers on their topics appear or disappear."""
 
 from __future__ import annotations
 
 import threading
 
-from metaros.node.events.observer import Observer
+from metaros.node.events.endpoint_monitor import EndpointMonitor
 from metaros.wire import Graph
 from metaros.wire.graph import Token
-from metaros.wire.tokens import EndpointToken
+from metaros.wire.liveliness_tokens import EndpointToken
 
 __all__ = ["Watch"]
 
 
 class Watch:
-    """The observers of a context's endpoints, by topic. Thread-safe."""
+    """The monitors of a context's endpoints, by topic. Thread-safe."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._lock = threading.Lock()
-        self._observers: dict[str, list[Observer]] = {}
+        self._monitors: dict[str, list[EndpointMonitor]] = {}
         graph.on_token(self._on_token)
 
-    def add(self, topic: str, observer: Observer) -> None:
+    def add(self, topic: str, observer: EndpointMonitor) -> None:
         """Tell a new endpoint's observer who is there, and later who comes and goes."""
         with self._lock:
-            self._observers.setdefault(topic, []).append(observer)
+            self._monitors.setdefault(topic, []).append(observer)
         for token in self._tokens(topic):
             observer.came(token)
         known = observer.known()
@@ -33,12 +33,12 @@ class Watch:
             if token not in there:
                 observer.went(token)
 
-    def discard(self, topic: str, observer: Observer) -> None:
+    def discard(self, topic: str, observer: EndpointMonitor) -> None:
         """The reverse of `add`."""
         with self._lock:
-            rest = [other for other in self._observers.pop(topic, []) if other is not observer]
+            rest = [other for other in self._monitors.pop(topic, []) if other is not observer]
             if rest:
-                self._observers[topic] = rest
+                self._monitors[topic] = rest
 
     def _tokens(self, topic: str) -> list[EndpointToken]:
         return self._graph.tokens(topic)
@@ -47,7 +47,7 @@ class Watch:
         if not isinstance(token, EndpointToken):
             return
         with self._lock:
-            observers = list(self._observers.get(token.topic, ()))
+            observers = list(self._monitors.get(token.topic, ()))
         for observer in observers:
             if alive:
                 observer.came(token)

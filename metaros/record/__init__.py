@@ -35,16 +35,16 @@ __all__ = [
     "rewrite",
 ]
 
-_HOMES = {  # loaded when used: an agent's black box needs none of them, and a restarted agent must be back soon
+_EXPORTS = {  # loaded when used: an agent's black box needs none of them, and a restarted agent must be back soon
     "export": ("export_csv", "export_images", "export_json"),
     "player": ("Player", "PlayerReport"),
     "recorder": ("Recorder", "RecordingReport", "RingOptions"),
     "replay": ("PlayReport", "play_carmen"),
 }
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_MODULE_OF = {name: module for module, names in _EXPORTS.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"metaros.record.{_HOME[name]}"), name)
+    return getattr(importlib.import_module(f"metaros.record.{_MODULE_OF[name]}"), name)

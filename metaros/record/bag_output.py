@@ -17,9 +17,9 @@ import yaml
 
 from metaros.errors import ConfigError, RecordingError
 from metaros.mcap import COMPRESSIONS, McapFile
-from metaros.record.intake import Arrival, Route
 from metaros.record.ledger import GAPS, Ledger, Publisher
 from metaros.record.qos_yaml import offered_qos, qos_entries
+from metaros.record.sample_queue import Arrival, Route
 
 __all__ = ["BagOptions", "BagOutput", "WrittenFile"]
 
@@ -131,7 +131,7 @@ class BagOutput:
         self._open()
 
     def close(self, publishers: Iterable[Publisher] = ()) -> None:
-        """Close the file and write the folder's metadata; `publishers` are all that were heard.
+        """Close the file and write the folder's metadata; `publishers` are all that were seen.
 
         RecordingError when not everything fitted on the disk; the files are sound all the same.
         """

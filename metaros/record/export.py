@@ -16,8 +16,8 @@ import numpy as np
 
 from metaros.errors import FieldError, RecordingError
 from metaros.idl.json import to_json
-from metaros.inert import inert_json
 from metaros.record.bag import BagMessage
+from metaros.sanitize import sanitize_json
 
 __all__ = ["export_csv", "export_images", "export_json", "png"]
 
@@ -55,7 +55,7 @@ def export_json(messages: Iterable[BagMessage], output: TextIO) -> int:
             "sequence": message.sequence,
             "message": to_json(message.decode()),
         }
-        output.write(inert_json(json.dumps(line, ensure_ascii=False)) + "\n")
+        output.write(sanitize_json(json.dumps(line, ensure_ascii=False)) + "\n")
     return count
 
 

@@ -2,7 +2,7 @@
 
 A publisher numbers its samples 1, 2, 3 …; a number that is not in the file is `lost` (it never came to the recorder),
 `dropped` (the recorder's queue was full), `paused`, or `disk` (the file could not take it). Numbers before the first
-one recorded are told as `before`: the publisher was there before the recorder listened.
+one recorded are reported as `before`: the publisher was there before the recorder listened.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""When each record of a log is due: the log's own times, scaled. Pure: the clock is asked by the caller."""
+"""When each record of a log is due: the log's own times, scaled. Pure: the caller passes the time."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 
 from metaros.errors import ConfigError
 
-__all__ = ["Pace"]
+__all__ = ["PlaybackClock"]
 
 
-class Pace:
+class PlaybackClock:
     """Maps log seconds to seconds of the caller's clock; `rate` 0 is full speed, 1 the original, 20 twenty-fold."""
 
     def __init__(self, rate: float) -> None:

@@ -15,7 +15,7 @@ from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.rosgraph_msgs.msg import Clock as ClockMessage
 from metaros.node import Context, Node, RawPublisher
 from metaros.record.bag import Bag, BagMessage, BagTopic, open_bag
-from metaros.record.pace import Pace
+from metaros.record.playback_clock import PlaybackClock
 from metaros.wire import Congestion, Durability, QoSProfile, Reliability
 
 __all__ = ["Player", "PlayerReport"]
@@ -59,7 +59,7 @@ class Player:
         keep_stamps: bool = False,
         name: str = "metaros_player",
     ) -> None:
-        Pace(rate)
+        PlaybackClock(rate)
         if start_s < 0 or clock_hz < 0 or (duration_s is not None and duration_s <= 0):
             raise ConfigError("start and clock rate are 0 or more, a duration is above 0")
         self.bag = bag if isinstance(bag, Bag) else open_bag(bag)
@@ -154,8 +154,8 @@ class Player:
         }
 
     def _play_once(self, stop: threading.Event, on_progress: Callable[[PlayerReport], object] | None) -> None:
-        pace, clock = Pace(self._rate), self._context.clock
-        told_s = clock.monotonic_s()
+        pace, clock = PlaybackClock(self._rate), self._context.clock
+        reported_s = clock.monotonic_s()
         for log_ns, message in self._events():
             log_s = (log_ns - self._start_ns) / 1e9
             while (wait_s := pace.wait_s(log_s, now_s=clock.monotonic_s())) > 0.0 or self.paused:
@@ -163,18 +163,20 @@ class Player:
                     return
                 if self.paused:
                     self._stand(pace, stop, on_progress)
-                if on_progress is not None and clock.monotonic_s() - told_s >= _PROGRESS_S:
-                    told_s = clock.monotonic_s()
+                if on_progress is not None and clock.monotonic_s() - reported_s >= _PROGRESS_S:
+                    reported_s = clock.monotonic_s()
                     on_progress(self.report())
             if stop.is_set():
                 return
             self._log_ns = log_ns
             self._send(log_ns, message)
-            if on_progress is not None and clock.monotonic_s() - told_s >= _PROGRESS_S:
-                told_s = clock.monotonic_s()
+            if on_progress is not None and clock.monotonic_s() - reported_s >= _PROGRESS_S:
+                reported_s = clock.monotonic_s()
                 on_progress(self.report())
 
-    def _stand(self, pace: Pace, stop: threading.Event, on_progress: Callable[[PlayerReport], object] | None) -> None:
+    def _stand(
+        self, pace: PlaybackClock, stop: threading.Event, on_progress: Callable[[PlayerReport], object] | None
+    ) -> None:
         """Paused: everything is due later by as long as this takes."""
         clock = self._context.clock
         begin_s = clock.monotonic_s()

@@ -20,9 +20,9 @@ from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.limits import LIMITS
 from metaros.node import Context, Node
 from metaros.record.bag_output import BagOptions, BagOutput
-from metaros.record.intake import Arrival, Intake, Route
 from metaros.record.ledger import Publisher
 from metaros.record.ring import Ring
+from metaros.record.sample_queue import Arrival, Route, SampleQueue
 from metaros.record.selection import TopicSelection
 from metaros.record.tap import Tap
 from metaros.wire.shm import intact
@@ -67,8 +67,8 @@ class Recorder:
 
     `output` is a new folder, or one file when it ends in `.mcap`; with `ring`, the folder that saved files go to.
     `topics` are names and globs; topics that appear later join. The recorder is a node, `name`, with the services
-    `~/pause`, `~/resume`, `~/split` and `~/save`. `notice` is told, on a thread of the recorder, what a user should
-    know. When the disk fails the recording ends by itself: `failure` says why, and `close` raises it.
+    `~/pause`, `~/resume`, `~/split` and `~/save`. `notice` is called, on a thread of the recorder, with what a user
+    should know. When the disk fails the recording ends by itself: `failure` says why, and `close` raises it.
     """
 
     def __init__(
@@ -98,17 +98,17 @@ class Recorder:
         self._held_bytes = 0
         self._closed = False
         self._output = BagOutput(self._path, self._options) if ring is None else None
-        self._intake = Intake(self.context.clock, limit_bytes=queue_bytes)
-        self._intake.paused = paused
+        self._queue = SampleQueue(self.context.clock, limit_bytes=queue_bytes)
+        self._queue.paused = paused
         self._executor = SingleThreadedExecutor()
         self._spinner = threading.Thread(target=self._executor.spin, name="metaros-record-services", daemon=True)
         self._thread = threading.Thread(target=self._run, name="metaros-record-writer", daemon=True)
         self._thread.start()
         try:
             self._node = Node(name, context=self.context, enable_rosout=False, enable_parameters=False)
-            self._tap = Tap(self._node, selection, self._intake, ready=self._when_ready, notice=notice)
+            self._tap = Tap(self._node, selection, self._queue, ready=self._when_ready, notice=notice)
         except BaseException:
-            self._intake.put(None)
+            self._queue.put(None)
             self._thread.join()
             raise
         self._serve()
@@ -122,16 +122,16 @@ class Recorder:
 
     def pause(self) -> None:
         """From now on samples are not recorded, but reported as missing."""
-        self._intake.paused = True
+        self._queue.paused = True
 
     def resume(self) -> None:
         """The reverse of `pause`."""
-        self._intake.paused = False
+        self._queue.paused = False
 
     @property
     def paused(self) -> bool:
         """Whether it is paused."""
-        return self._intake.paused
+        return self._queue.paused
 
     def split(self) -> None:
         """Go on in a new file."""
@@ -154,21 +154,21 @@ class Recorder:
             received_bytes=sum(route.received_bytes for route in routes),
             written=self._written,
             size_bytes=output.size_bytes if output else ring.size_bytes if ring else 0,
-            waiting_bytes=self._intake.waiting_bytes,
+            waiting_bytes=self._queue.waiting_bytes,
             malformed=sum(route.malformed for route in routes),
             dropped=sum(route.refused for route in routes),
-            paused=self._intake.paused,
+            paused=self._queue.paused,
             ring_s=ring.span_s() if ring else 0.0,
             missing=_all_missing(output) if output and self._closed else {},
             files=[*self._saved, *([file.path for file in output.files] if output else [])],
         )
 
     def close(self) -> RecordingReport:
-        """Stop listening, write what was heard, close the file. Raises `failure` when the disk failed."""
+        """Stop listening, write what was received, close the file. Raises `failure` when the disk failed."""
         if not self._closed:
             self._closed = True
             self._tap.close()
-            self._intake.put(None)
+            self._queue.put(None)
             self._thread.join()
             self._executor.shutdown()
             self._spinner.join()
@@ -207,7 +207,7 @@ class Recorder:
             self._drain()
 
     def _work(self) -> None:
-        get, done, clock, options = self._intake.get, self._intake.done, self.context.clock, self._options
+        get, done, clock, options = self._queue.get, self._queue.done, self.context.clock, self._options
         flushed_s = clock.monotonic_s()
         ended = False
         while not ended:
@@ -240,16 +240,16 @@ class Recorder:
 
     def _drain(self) -> None:
         """After a failure: nothing is written any more; those who wait for an answer get it."""
-        self._intake.paused = True
+        self._queue.paused = True
         while True:
             try:
-                item = self._intake.get(_TICK_S)
+                item = self._queue.get(_TICK_S)
             except Empty:
                 continue
             if item is None:
                 return
             if isinstance(item, Arrival):
-                self._intake.done(item)
+                self._queue.done(item)
             else:
                 item()
 
@@ -265,7 +265,7 @@ class Recorder:
 
     def _hold(self, arrival: Arrival, payload: bytes) -> None:
         """Until the schema is there; what is over the queue's bound is dropped like what does not fit the queue."""
-        if self._held_bytes + len(payload) > self._intake.limit_bytes:
+        if self._held_bytes + len(payload) > self._queue.limit_bytes:
             arrival.route.refused += 1
             arrival.publisher.refuse(arrival.sequence, "dropped")
             return
@@ -282,7 +282,7 @@ class Recorder:
 
     def _when_ready(self, route: Route) -> None:
         """On the schemas' thread."""
-        self._intake.put(lambda: self._release(route))
+        self._queue.put(lambda: self._release(route))
 
     def _split(self) -> None:
         assert self._output is not None
@@ -334,7 +334,7 @@ class Recorder:
             finally:
                 ended.set()
 
-        self._intake.put(run)
+        self._queue.put(run)
         if not ended.wait(_SAVE_S):
             raise TimeoutError_(f"the recorder's disk did not answer within {_SAVE_S:g} s")
         if errors:

@@ -21,7 +21,7 @@ from metaros.interfaces.tf2_msgs.msg import TFMessage
 from metaros.node import Context, Node
 from metaros.record.carmen import LaserLine, LogCount, Record, in_ipc_order, open_log, read_log
 from metaros.record.carmen_messages import odometry_message, scan_message, tf_message
-from metaros.record.pace import Pace
+from metaros.record.playback_clock import PlaybackClock
 from metaros.wire import qos_reliable_all
 
 __all__ = ["PlayReport", "play_carmen"]
@@ -126,14 +126,16 @@ def play_carmen(
     names.validate_node(name)
     stop = stop or threading.Event()
     progress = _Progress(on_progress or _ignore, context.clock)
-    Pace(rate)  # refuses a bad rate before anything is declared
+    PlaybackClock(rate)  # refuses a bad rate before anything is declared
     open_log(path).close()
     player = _Player(name, context)
     with player.node:
         _wait_for_subscribers(player, context, wait_subscriber_s, stop)
         while not stop.is_set():
             sent = player.scans + player.odometry
-            _play_once(_records(path, player.count), player, Pace(rate), limit_s=limit_s, progress=progress, stop=stop)
+            _play_once(
+                _records(path, player.count), player, PlaybackClock(rate), limit_s=limit_s, progress=progress, stop=stop
+            )
             if player.scans + player.odometry == sent and not stop.is_set():
                 raise ConfigError(f"{path}: no FLASER or ODOM line in it: is it a CARMEN log?")
             if not loop:
@@ -147,7 +149,7 @@ def play_carmen(
 def _play_once(
     records: Iterator[tuple[Record, float]],
     player: _Player,
-    pace: Pace,
+    pace: PlaybackClock,
     *,
     limit_s: float | None,
     progress: _Progress,
@@ -188,11 +190,11 @@ def _wait_for_subscribers(player: _Player, context: Context, timeout_s: float, s
     first_s: float | None = None
     while not stop.wait(0.01):
         now_s = context.clock.monotonic_s()
-        heard = sum(bool(context.graph.endpoints(topic=topic, kind="MS")) for topic in player.topics)
-        if heard and first_s is None:
+        subscribed = sum(bool(context.graph.endpoints(topic=topic, kind="MS")) for topic in player.topics)
+        if subscribed and first_s is None:
             first_s = now_s
         settled = first_s is not None and now_s - first_s >= _SETTLE_S
-        if heard == len(player.topics) or settled or now_s - begin_s >= timeout_s:
+        if subscribed == len(player.topics) or settled or now_s - begin_s >= timeout_s:
             return
 
 

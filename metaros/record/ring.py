@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Final, NamedTuple
 
-from metaros.record.intake import Arrival
 from metaros.record.ledger import Publisher
+from metaros.record.sample_queue import Arrival
 
 __all__ = ["Ring"]
 

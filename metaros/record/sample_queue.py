@@ -1,4 +1,4 @@
-"""The crossing from Zenoh's threads to the writer's: samples wait in a queue that is bounded in bytes.
+"""The queue from Zenoh's threads to the writer's: samples wait here, bounded in bytes.
 
 A sample is stamped and its sequence number read where it arrives; its payload is not copied before the writer takes
 it. What finds the queue full, or comes during a pause, is refused and noted with its number: it will be a reported gap.
@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import zenoh
 
 from metaros.clock import Clock
+from metaros.concurrency.waiting import WaitQueue
 from metaros.errors import AttachmentError
 from metaros.limits import LIMITS
 from metaros.record.ledger import Publisher
-from metaros.waiting import WaitQueue
 from metaros.wire import Durability, QoSProfile, parse_attachment
 from metaros.wire.attachment import NEW
 
-__all__ = ["Arrival", "Intake", "Route"]
+__all__ = ["Arrival", "Route", "SampleQueue"]
 
 _OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a payload
 
@@ -60,7 +60,7 @@ class Arrival(NamedTuple):
     payload: Any
 
 
-class Intake:
+class SampleQueue:
     """The queue. `sink(route)` is called on Zenoh's threads, `get` on the writer's; `put` wakes the writer."""
 
     def __init__(self, clock: Clock, *, limit_bytes: int = LIMITS.recorder_queue_bytes) -> None:

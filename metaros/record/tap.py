@@ -15,7 +15,7 @@ from typing import Final
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 from metaros.node import Node, RawSubscription
-from metaros.record.intake import Intake, Route
+from metaros.record.sample_queue import Route, SampleQueue
 from metaros.record.schemas import find_schema, known_schema
 from metaros.record.selection import TopicSelection
 from metaros.wire import Durability, EndpointInfo, QoSProfile, Reliability
@@ -35,18 +35,18 @@ class Tap:
         self,
         node: Node,
         selection: TopicSelection,
-        intake: Intake,
+        samples: SampleQueue,
         *,
         ready: Callable[[Route], object],
         notice: Callable[[str], object],
     ) -> None:
         self.routes: dict[Topic, Route] = {}
-        self._node, self._selection, self._intake = node, selection, intake
+        self._node, self._selection, self._queue = node, selection, samples
         self._ready, self._notice = ready, notice
         self._subscriptions: list[RawSubscription] = []
         self._unsettled: SimpleQueue[Route | None] = SimpleQueue()
         self._changed, self._closed = threading.Event(), False
-        self._full_told = False
+        self._full_reported = False
         self._forget = node.graph.on_change(self._changed.set)
         self._threads = [
             threading.Thread(target=self._watch, name="metaros-record-tap", daemon=True),
@@ -88,8 +88,8 @@ class Tap:
                 route.qos = _union(route.qos, publishers)
             elif len(self.routes) < LIMITS.channels_per_robot:
                 self._join(topic, publishers)
-            elif not self._full_told:
-                self._full_told = True
+            elif not self._full_reported:
+                self._full_reported = True
                 self._notice(f"more than {LIMITS.channels_per_robot} topics: further ones are not recorded")
 
     def _join(self, topic: Topic, publishers: list[EndpointInfo]) -> None:
@@ -99,7 +99,7 @@ class Tap:
         self.routes[topic] = route
         try:
             subscription = self._node.create_raw_subscription(
-                name, type_name, type_hash, _matching(publishers), self._intake.sink(route)
+                name, type_name, type_hash, _matching(publishers), self._queue.sink(route)
             )
         except MetarosError as error:
             self._notice(f"cannot record {name}: {error}")

@@ -1,4 +1,4 @@
-"""Who drives: the robot itself, or whoever sends `cmd_vel`; and the base's own watchdog (design D13). No I/O.
+"""Arbitrates between the autopilot and `cmd_vel`, with the base's own watchdog (design D13). No I/O.
 
 autonomous ──command──▶ commanded ──no command for 300 ms──▶ standing ──resume, or resume_after_s──▶ autonomous
                             ▲────────────────command────────────────┘
@@ -15,7 +15,7 @@ __all__ = ["CommandGate", "Mode"]
 
 
 class Mode(Enum):
-    """Who drives now."""
+    """Which source drives now."""
 
     AUTONOMOUS = "autonomous"
     COMMANDED = "commanded"

@@ -1,4 +1,4 @@
-"""Charging pads in the warehouse's floor, and a robot's way to one: asked for, on the way, charging, full.
+"""Docking at a charging pad: requested, on the way, charging, full.
 
 The pads are at four corner crossings. A robot that docks drives to the nearest one along the streets, stands on it
 until its battery is full, and then drives itself again. Whoever takes the robot over ends it. No I/O.
@@ -23,7 +23,7 @@ CHARGE_PER_S = 0.02
 
 
 class Docking(Enum):
-    """How far it is."""
+    """The state of docking."""
 
     AWAY = "away"
     SEEKING = "seeking"

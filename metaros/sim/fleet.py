@@ -15,9 +15,9 @@ import numpy as np
 
 from metaros.errors import ConfigError
 from metaros.sim.autopilot import Autopilot
-from metaros.sim.dock import Dock, Docking
+from metaros.sim.command_gate import CommandGate, Mode
+from metaros.sim.docking import Dock, Docking
 from metaros.sim.faults import CLEAR, FAULTS, ScheduledFault
-from metaros.sim.gate import CommandGate, Mode
 from metaros.sim.robot import DRIVE, Body
 from metaros.sim.sensors import LIDAR, Imu, Lidar, Odometry
 from metaros.sim.warehouse import WAREHOUSE, start_places

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaros.supervise.child import ProcessStatus
     from metaros.supervise.events import Event, EventKind
-    from metaros.supervise.logs import RotatingLog
-    from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, RestartPolicy, Stop, decide
+    from metaros.supervise.launch_table import LaunchTable, NodeRow, read_table
+    from metaros.supervise.logs.file import RotatingLog
     from metaros.supervise.process import Launch, Process
+    from metaros.supervise.restart_policy import Exit, History, Quarantine, RestartAt, RestartPolicy, Stop, decide
     from metaros.supervise.supervisor import Supervisor
-    from metaros.supervise.table import LaunchTable, NodeRow, read_table
 
 __all__ = [
     "Event",
@@ -34,19 +34,19 @@ __all__ = [
     "read_table",
 ]
 
-_HOMES = {  # loaded when used: a supervised node needs the guard alone, and must start fast
+_EXPORTS = {  # loaded when used: a supervised node needs `parent_death` alone, and must start fast
     "child": ("ProcessStatus",),
     "events": ("Event", "EventKind"),
-    "logs": ("RotatingLog",),
-    "policy": ("Exit", "History", "Quarantine", "RestartAt", "RestartPolicy", "Stop", "decide"),
+    "logs.file": ("RotatingLog",),
+    "restart_policy": ("Exit", "History", "Quarantine", "RestartAt", "RestartPolicy", "Stop", "decide"),
     "process": ("Launch", "Process"),
     "supervisor": ("Supervisor",),
-    "table": ("LaunchTable", "NodeRow", "read_table"),
+    "launch_table": ("LaunchTable", "NodeRow", "read_table"),
 }
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_MODULE_OF = {name: module for module, names in _EXPORTS.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"metaros.supervise.{_HOME[name]}"), name)
+    return getattr(importlib.import_module(f"metaros.supervise.{_MODULE_OF[name]}"), name)

@@ -1,12 +1,12 @@
-"""The supervisor's memory of one process, and the row that it shows of it."""
+"""The supervisor's state of one process, and the status that it shows."""
 
 from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
 
-from metaros.supervise.policy import History
 from metaros.supervise.process import Launch, Process
+from metaros.supervise.restart_policy import History
 
 __all__ = ["Child", "ProcessStatus"]
 
@@ -39,7 +39,7 @@ class Child:
         self.last_exit = ""
         self.started_at: float | None = None
         self.ready = asyncio.Event()  # those that come after it may start
-        self.nudge = asyncio.Event()  # ends its pause before the next start
+        self.wakeup = asyncio.Event()  # ends its pause before the next start
         self.asked = ""  # why we end it ourselves, to start it again
         self.hung = ""  # why we kill it
         self.blocked_by: list[str] = []

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import subprocess
 
-from metaros.supervise.warden_main import LAST_S
+from metaros.supervise.orphan_reaper_main import LAST_S
 
 __all__ = ["clean_up"]
 

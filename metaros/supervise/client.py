@@ -1,4 +1,4 @@
-"""One side of a conversation with a supervisor: requests by number, answers as they come."""
+"""Client of a supervisor's control protocol: numbered requests, answers as they come."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Final
 
 from metaros.errors import ConfigError, FrameError, MetarosError, PeerError, TimeoutError_, UnavailableError
-from metaros.supervise.door import LINE_BYTES, connect
+from metaros.supervise.control_socket import LINE_BYTES, connect
 
 __all__ = ["ANSWER_S", "SupervisorClient", "ask"]
 

@@ -2,7 +2,7 @@
 
 `{"id": 7, "verb": "restart", "node": "lidar"}` is answered by `{"id": 7, "ok": true, …}` or `{"id": 7, "ok": false,
 "code": …, "message": …}`, in the order in which they are done. A line, the clients and what each asks at a time are
-bounded; who breaks the protocol is told so and put out, and nobody else notices.
+bounded; who breaks the protocol gets an error and is disconnected, and nobody else notices.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from metaros.errors import ConfigError, MetarosError
 from metaros.limits import LIMITS
-from metaros.supervise.door import LINE_BYTES, Door
+from metaros.supervise.control_socket import LINE_BYTES, ControlSocket
 
 __all__ = ["CLIENTS", "Control", "Handler"]
 
@@ -31,17 +31,17 @@ Handler = Callable[[str, Request], Awaitable[dict[str, Any]]]
 
 
 class Control:
-    """Serves `handle(verb, request)` to whom the door admits."""
+    """Serves `handle(verb, request)` to authorized clients."""
 
-    def __init__(self, door: Door, handle: Handler) -> None:
-        self._door = door
+    def __init__(self, control_socket: ControlSocket, handle: Handler) -> None:
+        self._control_socket = control_socket
         self._handle = handle
         self._server: asyncio.Server | None = None
         self._clients: set[asyncio.Task[None]] = set()
 
     async def open(self) -> None:
         """Listen. Raises OSError."""
-        found = self._door.listen()
+        found = self._control_socket.listen()
         if sys.platform != "win32" and found.family == socket.AF_UNIX:
             self._server = await asyncio.start_unix_server(self._came, sock=found, limit=LINE_BYTES)
         else:
@@ -54,7 +54,7 @@ class Control:
         for task in self._clients:
             task.cancel()
         await asyncio.gather(*self._clients, return_exceptions=True)
-        self._door.close()
+        self._control_socket.close()
 
     async def _came(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
@@ -63,7 +63,7 @@ class Control:
         try:
             if len(self._clients) > CLIENTS:
                 await _write(writer, _refusal(None, "busy", f"{CLIENTS} clients are here"))
-            elif not await self._door.admits(reader, writer):
+            elif not await self._control_socket.authorizes(reader, writer):
                 await _write(writer, _refusal(None, "forbidden", "this supervisor is another user's"))
             else:
                 await _Client(reader, writer, self._handle).run()

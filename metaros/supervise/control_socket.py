@@ -1,4 +1,4 @@
-"""The door of a supervisor's control: a Unix socket of its user alone; on Windows the loopback and a token in a file.
+"""The supervisor's control socket: a Unix socket for its user alone; on Windows loopback TCP with a token in a file.
 
 Everything that may come in here may run programs as this user. So nobody else gets in, whatever a file's mode says: the
 kernel is asked who is at the other end.
@@ -22,9 +22,9 @@ from typing import Final
 
 from metaros.errors import UnavailableError
 from metaros.limits import LIMITS
-from metaros.supervise.table_file import write_whole
+from metaros.supervise.node_table_file import write_whole
 
-__all__ = ["LINE_BYTES", "SOCKET", "TOKEN", "Door", "connect"]
+__all__ = ["LINE_BYTES", "SOCKET", "TOKEN", "ControlSocket", "connect"]
 
 SOCKET: Final = "supervisor.sock"
 TOKEN: Final = "supervisor.token"
@@ -39,8 +39,8 @@ def has_unix() -> bool:
     return sys.platform != "win32"
 
 
-class Door:
-    """One directory's door; `open` it under the directory's lock."""
+class ControlSocket:
+    """One directory's control socket; `listen` under the directory's lock."""
 
     def __init__(self, directory: Path, *, unix: bool | None = None) -> None:
         self._directory = directory
@@ -53,19 +53,19 @@ class Door:
         return self._listen_unix() if self._unix else self._listen_tcp()
 
     def close(self) -> None:
-        """Take the door away."""
+        """Remove the socket."""
         for name in (SOCKET, TOKEN):
             with contextlib.suppress(OSError):
                 (self._directory / name).unlink(missing_ok=True)
 
-    async def admits(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
-        """Whether who came in is this user."""
+    async def authorizes(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+        """Whether the client is this user."""
         if self._unix:
             return is_ours(writer.get_extra_info("socket"))
         try:
             line = await asyncio.wait_for(reader.readline(), _TOKEN_S)
-            told = json.loads(line)["token"]
-            return isinstance(told, str) and hmac.compare_digest(told.encode(), self._token.encode())
+            token = json.loads(line)["token"]
+            return isinstance(token, str) and hmac.compare_digest(token.encode(), self._token.encode())
         except (TimeoutError, ValueError, KeyError, TypeError, OSError):
             return False
 

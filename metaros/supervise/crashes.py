@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from metaros.limits import LIMITS
-from metaros.supervise.table_file import write_whole
+from metaros.supervise.node_table_file import write_whole
 
 __all__ = ["KEPT", "Crashes", "core_of"]
 

@@ -1,4 +1,4 @@
-"""What a supervisor tells its owner about its processes."""
+"""Events of a supervisor about its processes."""
 
 from __future__ import annotations
 

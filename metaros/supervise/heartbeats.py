@@ -1,8 +1,9 @@
 """Heartbeats: a node says on its own executor thread that it lives, so that a stuck loop is seen.
 
-`Pulse` is the pure part: words and times in, verdict out. `HeartbeatPort` hears all processes of a supervisor on one
-UDP socket of this host; each process has a token, which stops nobody who may read its environment, but mistakes.
-A process is judged from its first heartbeat on: one that starts slowly, or is no node of ours, is left alone.
+`HeartbeatMonitor` is the pure part: words and times in, verdict out. `HeartbeatPort` receives from all processes of a
+supervisor on one UDP socket of this host; each process has a token, which stops mistakes, but
+nobody who may read its environment.
+A process is checked from its first heartbeat on: one that starts slowly, or is no node of ours, is left alone.
 """
 
 from __future__ import annotations
@@ -11,21 +12,21 @@ import asyncio
 import secrets
 from collections.abc import Callable
 
-__all__ = ["ENVIRONMENT", "MISSED", "HeartbeatPort", "Pulse"]
+__all__ = ["ENVIRONMENT", "MISSED", "HeartbeatMonitor", "HeartbeatPort"]
 
 ENVIRONMENT = "METAROS_HEARTBEAT"  # host:port:token:period_s
 MISSED = 3
 _NODES = 256  # in one process
 
 
-class Pulse:
+class HeartbeatMonitor:
     """The heartbeats of one process: each of its nodes that spins has a number and speaks every `period_s`."""
 
     def __init__(self, period_s: float) -> None:
         self.period_s = period_s
         self._last: dict[str, float] = {}
 
-    def hear(self, word: str, now: float) -> None:
+    def beat(self, word: str, now: float) -> None:
         """`+3`: its third node lives; `-3`: that node has stopped spinning in good order."""
         sign, number = word[:1], word[1:]
         if sign == "-":
@@ -52,7 +53,7 @@ class HeartbeatPort(asyncio.DatagramProtocol):
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
-        self._pulses: dict[str, Pulse] = {}
+        self._pulses: dict[str, HeartbeatMonitor] = {}
         self._transport: asyncio.BaseTransport | None = None
         self._address = ("", 0)
 
@@ -69,7 +70,7 @@ class HeartbeatPort(asyncio.DatagramProtocol):
             self._transport.close()
             self._transport = None
 
-    def register(self, pulse: Pulse) -> tuple[str, str]:
+    def register(self, pulse: HeartbeatMonitor) -> tuple[str, str]:
         """A token for a process that is about to start, and what its environment says."""
         token = secrets.token_hex(8)
         self._pulses[token] = pulse
@@ -85,7 +86,7 @@ class HeartbeatPort(asyncio.DatagramProtocol):
         token, _, word = data[:64].decode("ascii", "replace").partition(" ")
         pulse = self._pulses.get(token)
         if pulse is not None:
-            pulse.hear(word, self._now())
+            pulse.beat(word, self._now())
 
     def error_received(self, error: Exception) -> None:
         """A socket error of a sender that has gone."""

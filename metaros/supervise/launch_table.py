@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from metaros.errors import ConfigError
-from metaros.supervise.policy import Restart, RestartPolicy
+from metaros.supervise.restart_policy import Restart, RestartPolicy
 
 __all__ = ["NODE_KEYS", "RESTART_KEYS", "TABLE_KEYS", "LaunchTable", "NodeRow", "parse_table", "read_table"]
 

@@ -12,7 +12,7 @@ from enum import Enum
 
 from metaros.limits import LIMITS
 
-__all__ = ["KILL_BEFORE_S", "MOST_S", "Duty", "Lease", "Leases"]
+__all__ = ["KILL_BEFORE_S", "MOST_S", "Lease", "LeaseAction", "Leases"]
 
 KILL_BEFORE_S = 0.15  # SIGKILL and the kernel's work are done by the end
 MARGIN_S = 0.1  # between the end of the grace time and SIGKILL
@@ -20,7 +20,7 @@ GRACE_SHARE = 0.3  # of a lease: the most that a stop in good order may take of 
 MOST_S = LIMITS.node_lease_s  # the longest lease that is believed
 
 
-class Duty(Enum):
+class LeaseAction(Enum):
     """What a lease asks for now."""
 
     RUN = "run"
@@ -90,12 +90,12 @@ class Leases:
                 held[node] = replace(lease, taken_back=True)
         self._held = held
 
-    def duty(self, node: str, grace_s: float, now_s: float) -> Duty:
+    def duty(self, node: str, grace_s: float, now_s: float) -> LeaseAction:
         """What a node has to do."""
         lease = self._held.get(node)
         if lease is None or now_s >= lease.kill_at_s:
-            return Duty.KILL
-        return Duty.STOP if lease.taken_back or now_s >= lease.stop_at_s(grace_s) else Duty.RUN
+            return LeaseAction.KILL
+        return LeaseAction.STOP if lease.taken_back or now_s >= lease.stop_at_s(grace_s) else LeaseAction.RUN
 
     def next_s(self, graces: Mapping[str, float], now_s: float) -> float | None:
         """When a duty of one of these nodes changes next; None when none does."""

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
-from metaros.supervise.policy import Restart, RestartPolicy
+from metaros.supervise.restart_policy import Restart, RestartPolicy
 
 __all__ = ["MAX_BYTES", "MAX_ROWS", "Row", "Table", "TableFile", "read_rows", "write_whole"]
 

@@ -1,9 +1,9 @@
-"""Who cleans up when the supervisor itself is killed: a small process beside it that holds the other end of a pipe.
+"""Kills orphans when the supervisor itself is killed: a small process beside it that holds the other end of a pipe.
 
-The kernel's request of `guard` reaches a node, and not what the node has started: the driver behind a shell script, the
-node behind `ros2 run`, a container. So the warden knows every group that runs. At the end of its input, which no way of
-dying of the supervisor can prevent, it kills those that are left, and runs what each has as its last word. It is asked
-nothing and does nothing else. What has made a session of its own escapes it, as it escapes a stop.
+The death signal of `parent_death` reaches a node, and not what the node has started: the driver behind a shell script,
+the node behind `ros2 run`, a container. So the reaper knows every group that runs. At the end of its input, which comes
+however the supervisor dies, it kills those that are left, and runs the clean-up command of each. It does nothing else.
+What has made a session of its own escapes it, as it escapes a stop.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import subprocess
 import sys
 from collections.abc import Iterable
 
-from metaros.supervise import warden_main
+from metaros.supervise import orphan_reaper_main
 
-__all__ = ["Warden"]
+__all__ = ["OrphanReaper"]
 
 
-class Warden:
+class OrphanReaper:
     """The supervisor's side. It starts with the first group, and again when it died; nothing on Windows."""
 
     def __init__(self) -> None:
@@ -33,12 +33,12 @@ class Warden:
         """Its process."""
         return self._popen.pid if self._popen is not None else None
 
-    def began(self, group: int, last: Iterable[str] = ()) -> None:
+    def group_started(self, group: int, last: Iterable[str] = ()) -> None:
         """This group runs now; `last` is a command that takes away what it leaves."""
         self._groups[group] = tuple(last)
         self._say([_began(group, self._groups[group])])
 
-    def ended(self, group: int) -> None:
+    def group_ended(self, group: int) -> None:
         """It was seen dead, all of it: its number may be another's from now on. Call it before that can be."""
         if self._groups.pop(group, None) is not None:
             self._say([{"ended": group}])
@@ -48,7 +48,7 @@ class Warden:
         popen, self._popen = self._popen, None
         self._groups.clear()
         if popen is not None:
-            _bury(popen)
+            _reap(popen)
 
     def _say(self, words: list[dict[str, object]]) -> None:
         if self._popen is None:
@@ -61,13 +61,13 @@ class Warden:
             self._start()
 
     def _start(self) -> None:
-        """Another one, who is told all."""
+        """Start another one, and send it all groups."""
         if self._popen is not None:
-            _bury(self._popen)
+            _reap(self._popen)
         if sys.platform != "win32":
             with contextlib.suppress(OSError):  # no memory: the kernel's request to each node is left
                 popen = subprocess.Popen(
-                    [sys.executable, "-I", "-S", warden_main.__file__],
+                    [sys.executable, "-I", "-S", orphan_reaper_main.__file__],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.DEVNULL,
@@ -83,14 +83,14 @@ class Warden:
 
     def _died(self, popen: subprocess.Popen[bytes]) -> None:
         """Its output, which it never uses, is at its end."""
-        _bury(popen)
+        _reap(popen)
         if popen is self._popen:
             self._popen = None
             if self._groups:
                 self._start()
 
 
-def _bury(popen: subprocess.Popen[bytes]) -> None:
+def _reap(popen: subprocess.Popen[bytes]) -> None:
     popen.kill()  # before its input ends: it must not act
     popen.wait()
     assert popen.stdin is not None

@@ -1,7 +1,7 @@
-"""Run as `python -I -S warden_main.py` by `warden`: the process that cleans up where the supervisor was killed.
+"""Run by `orphan_reaper` as `python -I -S`: the process that cleans up after a supervisor that was killed.
 
 Its input are lines of JSON, {"began": group, "last": [argv]} and {"ended": group}. At its end it kills the groups that
-are left, and runs what each has as its last word.
+are left, and runs the clean-up command of each.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 
 __all__ = ["LAST_S", "main"]
 
-LAST_S = 30.0  # for a last word
+LAST_S = 30.0  # for a clean-up command
 
 
 def main() -> None:
@@ -27,14 +27,14 @@ def main() -> None:
         for group in groups:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(group, signal.SIGKILL)
-        for popen in [_last_word(argv) for argv in groups.values() if argv]:
+        for popen in [_clean_up(argv) for argv in groups.values() if argv]:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 if popen is not None:
                     popen.wait(LAST_S)
 
 
 def _listen() -> dict[int, list[str]]:
-    """The groups that are left at the end of the input, with their last words."""
+    """The groups that are left at the end of the input, with their clean-up commands."""
     groups: dict[int, list[str]] = {}
     for line in sys.stdin.buffer:
         word = json.loads(line)
@@ -45,7 +45,7 @@ def _listen() -> dict[int, list[str]]:
     return groups
 
 
-def _last_word(argv: list[str]) -> subprocess.Popen[bytes] | None:
+def _clean_up(argv: list[str]) -> subprocess.Popen[bytes] | None:
     nothing = subprocess.DEVNULL
     try:
         return subprocess.Popen(argv, stdin=nothing, stdout=nothing, stderr=nothing)

@@ -1,4 +1,4 @@
-"""Run as `python -I -S guard.py PARENT_PID PROGRAM ARGUMENT...`: become PROGRAM, and die when the parent dies.
+"""Run as `python -I -S parent_death.py PARENT_PID PROGRAM ARGUMENT...`: become PROGRAM, and die when the parent dies.
 
 On Linux the kernel is asked to send SIGKILL at the parent's death (PR_SET_PDEATHSIG), which no way of dying of the
 parent can prevent; the request outlives the exec. Doing it in a fresh interpreter instead of between fork and exec

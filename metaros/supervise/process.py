@@ -1,4 +1,4 @@
-"""One supervised process: started in its own group behind the guard, its output captured, its death awaited.
+"""One supervised process: started in its own group by `parent_death`, its output captured, its death awaited.
 
 Spawn from the thread that lives as long as the supervisor (the event loop's): Linux ties the parent-death signal to
 the thread that forked.
@@ -15,14 +15,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from metaros.supervise import groups, guard
+from metaros.supervise import groups, parent_death
 from metaros.supervise.clean_up import clean_up
 from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
-from metaros.supervise.logs import RotatingLog
-from metaros.supervise.output import follow
-from metaros.supervise.policy import Exit, RestartPolicy
+from metaros.supervise.logs.file import RotatingLog
+from metaros.supervise.logs.output import follow
+from metaros.supervise.orphan_reaper import OrphanReaper
+from metaros.supervise.restart_policy import Exit, RestartPolicy
 from metaros.supervise.spare import Spare
-from metaros.supervise.warden import Warden
 
 __all__ = ["Launch", "Process"]
 
@@ -47,7 +47,7 @@ class Launch:
     hang_grace_s: float = 3.0  # between SIGTERM and SIGKILL for one that hangs
     stop_grace_s: float = 5.0  # between SIGINT and SIGKILL for one that is to be started again or stopped alone
     nice: int = 0  # of the operating system: 19 yields to all others
-    own_guard: bool = False  # its program asks by itself to die with its parent: `guard.die_with_parent`
+    own_guard: bool = False  # its program asks by itself to die with its parent: `parent_death.die_with_parent`
     program_words: int = 1  # how many words of `argv` are the program; a spare gets the others
 
 
@@ -62,13 +62,13 @@ class Process:
         on_line: Callable[[str], object] | None = None,
         spare: Spare | None = None,
         stamp: Callable[[], int] | None = None,
-        warden: Warden | None = None,
+        reaper: OrphanReaper | None = None,
     ) -> None:
         self.launch = launch
-        self._warden = warden
+        self._reaper = reaper
         self._reaped = False  # its number may be another's
         self._cleaning: asyncio.Task[None] | None = None
-        self._env = {**_inherited(), **launch.env, **(env or {}), guard.PARENT: str(os.getpid())}
+        self._env = {**_inherited(), **launch.env, **(env or {}), parent_death.PARENT: str(os.getpid())}
         self._spare = spare
         self.log = RotatingLog(
             launch.log_path,
@@ -79,8 +79,8 @@ class Process:
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
-        if warden is not None:
-            warden.began(self.pid, launch.clean_up)
+        if reaper is not None:
+            reaper.group_started(self.pid, launch.clean_up)
         assert self._popen.stdout is not None
         self._output = follow(self._loop, self._popen.stdout, self.log.write)
         self._watch_death()
@@ -142,7 +142,7 @@ class Process:
         launch = self.launch
         argv = list(launch.argv)
         if sys.platform == "linux" and not launch.own_guard:
-            argv = [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), *argv]
+            argv = [sys.executable, "-I", "-S", parent_death.__file__, str(os.getpid()), *argv]
         return subprocess.Popen(
             argv,
             stdin=subprocess.DEVNULL,
@@ -168,8 +168,8 @@ class Process:
             self._loop.remove_reader(descriptor)
             os.close(descriptor)
         self.kill()  # what it left in its group
-        if self._warden is not None:
-            self._warden.ended(self.pid)
+        if self._reaper is not None:
+            self._reaper.group_ended(self.pid)
         self._reaped = True
         returncode = self._popen.wait()  # it is dead: this only reaps it, and only now may its number be used again
         self._output.finish()
@@ -190,5 +190,5 @@ class Process:
 
 
 def _inherited() -> dict[str, str]:
-    """Our environment, without what our own supervisor told us alone."""
+    """Our environment, without what our own supervisor set for us alone."""
     return {name: value for name, value in os.environ.items() if name != HEARTBEAT}

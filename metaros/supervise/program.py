@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Final
 
 from metaros.clock import Clock, SystemClock, boot_s, system_rng
+from metaros.concurrency.file_lock import take_lock
+from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError
-from metaros.file_lock import take_lock
-from metaros.signals import on_stop
 from metaros.supervise.control import Control
-from metaros.supervise.door import Door
+from metaros.supervise.control_socket import ControlSocket
 from metaros.supervise.service import NodeService
 from metaros.supervise.verbs import Verbs
 
@@ -40,7 +40,7 @@ async def run(
 ) -> None:
     """Keep the directory's table running until SIGINT, SIGTERM or `shutdown`; then stop its nodes in order.
 
-    Call it under `only_one`, on the main thread. Raises ConfigError (the table is damaged), OSError (no door).
+    Call it under `only_one`, on the main thread. Raises ConfigError (the table is damaged), OSError (no socket).
     """
     stop = asyncio.Event()
     service = NodeService(directory, clock=clock or SystemClock(), rng=system_rng(), lease_s=lease_s)
@@ -57,7 +57,7 @@ async def run(
         end()
 
     mark = directory / STOPPED
-    control = Control(Door(directory, unix=unix), Verbs(service, shut_down).handle)
+    control = Control(ControlSocket(directory, unix=unix), Verbs(service, shut_down).handle)
     on_stop(asyncio.get_running_loop(), end)
     await control.open()
     mark.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The safe stop of critical nodes: what their rows say is run when one of them keeps dying, and told how it went."""
+"""The safe stop of critical nodes: runs the command of their rows when one keeps dying, and keeps the outcome."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from metaros.limits import LIMITS
-from metaros.supervise import guard
+from metaros.supervise import parent_death
 from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
 
 __all__ = ["NODE", "SafeStops"]
@@ -27,27 +27,27 @@ class SafeStops:
         self._directory = directory
         self._changed = changed
         self._running: dict[str, asyncio.Task[None]] = {}
-        self._told: dict[str, str] = {}
+        self._outcomes: dict[str, str] = {}
 
-    def told(self, node: str) -> str:
+    def outcome(self, node: str) -> str:
         """How its last one went; "" where there was none."""
-        return self._told.get(node, "")
+        return self._outcomes.get(node, "")
 
     def ask(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> None:
         """Bring the robot to rest."""
         if node in self._running:
             return
         if not argv:
-            self._told[node] = "wanted, and the robot's settings name none"
-            LOG.error("%s: a safe stop is %s", node, self._told[node])
+            self._outcomes[node] = "wanted, and the robot's settings name none"
+            LOG.error("%s: a safe stop is %s", node, self._outcomes[node])
             return
-        self._told[node] = "under way"
+        self._outcomes[node] = "under way"
         task = self._running[node] = asyncio.create_task(self._stop(node, argv, env))
         task.add_done_callback(lambda _: self._running.pop(node, None))
 
     def forget(self, node: str) -> None:
         """It is gone from the table."""
-        self._told.pop(node, None)
+        self._outcomes.pop(node, None)
 
     async def close(self) -> None:
         """Until those that are under way have ended: they are short, and nobody is at rest before."""
@@ -55,13 +55,13 @@ class SafeStops:
 
     async def _stop(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> None:
         problem = await asyncio.to_thread(self._run, node, argv, env)
-        self._told[node] = f"failed: {problem}" if problem else "done"
-        LOG.error("%s: safe stop %s", node, self._told[node])
+        self._outcomes[node] = f"failed: {problem}" if problem else "done"
+        LOG.error("%s: safe stop %s", node, self._outcomes[node])
         self._changed()
 
     def _run(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> str:
         """What went wrong, or nothing."""
-        ours = (HEARTBEAT, guard.PARENT)
+        ours = (HEARTBEAT, parent_death.PARENT)
         full = {name: value for name, value in os.environ.items() if name not in ours} | {**env, NODE: node}
         try:
             done = subprocess.run(

@@ -20,11 +20,11 @@ from metaros.errors import ConfigError, MetarosError, UnavailableError
 from metaros.supervise.child import ProcessStatus
 from metaros.supervise.crashes import Crashes, core_of
 from metaros.supervise.events import Event, EventKind
-from metaros.supervise.lease import Duty, Leases
+from metaros.supervise.lease import LeaseAction, Leases
+from metaros.supervise.node_table_file import Row, TableFile
 from metaros.supervise.process import Launch
 from metaros.supervise.safe_stop import SafeStops
 from metaros.supervise.supervisor import Supervisor
-from metaros.supervise.table_file import Row, TableFile
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -62,7 +62,7 @@ class NodeService:
         self._stopping = False
         self._started_ns: dict[str, int] = {}
         self._exits: dict[str, int] = {}  # that nobody asked for, in this life of the supervisor
-        self._applied: dict[str, Row] = {}  # what each process was last told
+        self._applied: dict[str, Row] = {}  # what each process last ran with
         self._take_rows()
 
     # -- life ------------------------------------------------------------------------------------------------------
@@ -233,11 +233,11 @@ class NodeService:
         row = self._rows.get(name)
         if row is None or not row.run or name in self._file.table.stopped or self._stopping:
             return False
-        return not row.migratable or self._duty(row) is Duty.RUN
+        return not row.migratable or self._duty(row) is LeaseAction.RUN
 
     # -- leases ----------------------------------------------------------------------------------------------------
 
-    def _duty(self, row: Row) -> Duty:
+    def _duty(self, row: Row) -> LeaseAction:
         return self._leases.duty(row.name, row.stop_grace_s, self.lease_s())
 
     async def _watch_leases(self) -> None:
@@ -255,7 +255,7 @@ class NodeService:
         if row is None or not row.migratable or not self._supervisor.knows(name):
             return
         duty, state = self._duty(row), self._supervisor.status_of(name).state
-        if duty is Duty.KILL:
+        if duty is LeaseAction.KILL:
             self._supervisor.kill_one(name)
         amiss = (state == "stopped") is self._wanted(name)
         if amiss and name not in self._on_the_way:
@@ -296,7 +296,7 @@ class NodeService:
 
     def _shown(self, row: Row, status: ProcessStatus) -> dict[str, Any]:
         lease = self._leases.get(row.name)
-        held = lease is not None and self._duty(row) is Duty.RUN
+        held = lease is not None and self._duty(row) is LeaseAction.RUN
         why = ""
         if status.state == "stopped" and not self._wanted(row.name):
             by_hand = row.name in self._file.table.stopped
@@ -315,7 +315,7 @@ class NodeService:
             "nice": row.nice,
             "migratable": row.migratable,
             "lease_id": lease.lease_id if lease is not None and held else "",
-            "safe_stop": self._safe_stops.told(row.name),
+            "safe_stop": self._safe_stops.outcome(row.name),
             "crashes": len(self._crashes.of(row.name)),
             "crashes_total": self._exits.get(row.name, 0),
         }

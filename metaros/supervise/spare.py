@@ -1,4 +1,4 @@
-"""A warm spare: an interpreter that has its imports behind it, and waits on its input to be told which node to be.
+"""A hot spare: a Python interpreter with its imports done, which waits on its input for the node to become.
 
 It makes the difference between a cold start and the opening of a session, for any one node of a launcher at a time.
 The one that was taken is replaced when the node that took it is ready, so that the two do not compete. It dies with
@@ -14,7 +14,7 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from metaros.supervise import groups, guard
+from metaros.supervise import groups, parent_death
 
 __all__ = ["ORDER_BYTES", "Spare"]
 
@@ -54,7 +54,7 @@ class Spare:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **self._env, guard.PARENT: str(os.getpid())},
+                env={**os.environ, **self._env, parent_death.PARENT: str(os.getpid())},
                 cwd=self._cwd,
                 bufsize=0,
                 **groups.spawn_options(),
@@ -65,7 +65,7 @@ class Spare:
     def take(
         self, arguments: tuple[str, ...], *, env: Mapping[str, str], cwd: Path | None
     ) -> subprocess.Popen[bytes] | None:
-        """The spare, told to be the node of these arguments; None where there is none that fits."""
+        """The spare, turned into the node of these arguments; None where there is none that fits."""
         popen = self._popen
         order = json.dumps({"arguments": arguments, "env": dict(env)}).encode() + b"\n"
         if popen is None or popen.poll() is not None or cwd != self._cwd or len(order) > ORDER_BYTES:

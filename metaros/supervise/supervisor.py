@@ -17,11 +17,11 @@ from metaros.errors import ConfigError, UnavailableError
 from metaros.supervise.child import Child, ProcessStatus
 from metaros.supervise.clean_up import clean_up
 from metaros.supervise.events import Event, EventKind
-from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatPort, Pulse
-from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, Stop, decide
+from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatMonitor, HeartbeatPort
+from metaros.supervise.orphan_reaper import OrphanReaper
 from metaros.supervise.process import Launch, Process
+from metaros.supervise.restart_policy import Exit, History, Quarantine, RestartAt, Stop, decide
 from metaros.supervise.spare import Spare
-from metaros.supervise.warden import Warden
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -35,7 +35,7 @@ _READY_WITHIN_S = 10.0  # then those that come after it start anyway
 
 
 class Supervisor:
-    """Start processes with `start`, end with `stop`; every change is told to `on_event`.
+    """Start processes with `start`, end with `stop`; `on_event` is called for every change.
 
     `is_ready(name)` says whether those that come after a running process may start; without it they may at once.
     `on_line(name, text)` gets every line that a process writes. `spare` serves the first restart after a healthy time.
@@ -62,7 +62,7 @@ class Supervisor:
         self._spare = spare
         self._children: dict[str, Child] = {}
         self._port = HeartbeatPort(clock.monotonic_s)
-        self._warden = Warden()
+        self._reaper = OrphanReaper()
 
     def start(self, launches: Iterable[Launch]) -> None:
         """Start these processes and keep them running; call it on the event loop's thread."""
@@ -100,7 +100,7 @@ class Supervisor:
         elif child.running:
             self._end_for(child, reason)
         else:
-            child.nudge.set()
+            child.wakeup.set()
 
     def add(self, launch: Launch) -> None:
         """Know it, and leave it stopped until `restart`."""
@@ -156,7 +156,7 @@ class Supervisor:
             children = [child for child in self._children.values() if child.launch.stage == stage]
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
         self._port.close()
-        self._warden.close()
+        self._reaper.close()
         if self._spare is not None:
             self._spare.close()
 
@@ -197,7 +197,7 @@ class Supervisor:
             child.last_exit = (await process.wait()).reason
             kind = EventKind.KILLED
         child.state = "stopped"
-        self._tell(child, kind, child.last_exit)
+        self._report(child, kind, child.last_exit)
 
     def _end_for(self, child: Child, reason: str) -> None:
         """Ask a running process to end because it is to start again; kill it after its grace time."""
@@ -226,7 +226,7 @@ class Supervisor:
                 return
             exit_ = await self._run(child)
             if child.asked:  # our own doing: no fault of its own
-                self._tell(child, EventKind.RESTARTING, child.asked)
+                self._report(child, EventKind.RESTARTING, child.asked)
                 child.asked = ""
                 self._take_along(child)
             elif not await self._after_death(child, exit_):
@@ -237,33 +237,33 @@ class Supervisor:
         """Wait as long as the policy says; False where it is not to start again."""
         now = self._clock.monotonic_s()
         decision, child.history = decide(child.history, exit_, now, self._rng, child.launch.policy)
-        self._tell(child, EventKind.EXITED, self._why(child, exit_))
-        child.nudge.clear()
+        self._report(child, EventKind.EXITED, self._why(child, exit_))
+        child.wakeup.clear()
         match decision:
             case Stop(reason):
                 child.state = "ended"
                 if child.launch.policy.critical and not exit_.clean:
-                    self._tell(child, EventKind.SAFE_STOP, "a critical process is not started again")
-                self._tell(child, EventKind.ENDED, reason)
+                    self._report(child, EventKind.SAFE_STOP, "a critical process is not started again")
+                self._report(child, EventKind.ENDED, reason)
                 return False
             case Quarantine(until, exits):
                 child.state = "quarantined"
                 detail = f"{exits} exits within {child.launch.policy.window_s:.0f} s"
-                self._tell(child, EventKind.QUARANTINED, detail, delay_s=until - now)
+                self._report(child, EventKind.QUARANTINED, detail, delay_s=until - now)
                 self._take_along(child)
                 await self._pause(child, until - now)
             case RestartAt(at, safe_stop):
                 child.state = "waiting"
                 if safe_stop:
-                    self._tell(child, EventKind.SAFE_STOP, "a critical process keeps dying")
-                self._tell(child, EventKind.RESTARTING, child.hung or exit_.reason, delay_s=at - now)
+                    self._report(child, EventKind.SAFE_STOP, "a critical process keeps dying")
+                self._report(child, EventKind.RESTARTING, child.hung or exit_.reason, delay_s=at - now)
                 self._take_along(child)
                 await self._pause(child, at - now)
         return True
 
     async def _pause(self, child: Child, seconds: float) -> None:
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(child.nudge.wait(), seconds)
+            await asyncio.wait_for(child.wakeup.wait(), seconds)
 
     def _take_along(self, dead: Child) -> None:
         """Those that come after it and asked for it start again, too, once it is back."""
@@ -286,7 +286,7 @@ class Supervisor:
 
     async def _run(self, child: Child) -> Exit:
         child.process, child.hung = None, ""
-        pulse = Pulse(child.launch.heartbeat_s)
+        pulse = HeartbeatMonitor(child.launch.heartbeat_s)
         token, env = "", {}
         if pulse.period_s:
             await self._port.open()
@@ -299,7 +299,7 @@ class Supervisor:
                 on_line=self._line_sink(child),
                 spare=spare,
                 stamp=self._clock.wall_ns,
-                warden=self._warden,
+                reaper=self._reaper,
             )
         except OSError as error:  # no memory, no descriptors, no place for the log: the policy tries again
             self._port.forget(token)
@@ -308,7 +308,7 @@ class Supervisor:
         child.started_at = self._clock.monotonic_s()
         child.history = child.history.started(child.started_at)
         child.state = "running"
-        self._tell(child, EventKind.STARTED)
+        self._report(child, EventKind.STARTED)
         try:
             exit_ = await self._watched(child, child.process, pulse)
         finally:
@@ -319,7 +319,7 @@ class Supervisor:
         child.last_exit = child.hung or exit_.reason
         return exit_
 
-    async def _watched(self, child: Child, process: Process, pulse: Pulse) -> Exit:
+    async def _watched(self, child: Child, process: Process, pulse: HeartbeatMonitor) -> Exit:
         watchers = [asyncio.create_task(self._announce_ready(child))]
         if pulse.period_s:
             watchers.append(asyncio.create_task(self._watch_pulse(child, process, pulse)))
@@ -339,12 +339,12 @@ class Supervisor:
                     slow = f"not in the graph after {_READY_WITHIN_S:.0f} s: going on without"
                     break
                 await asyncio.sleep(_READY_STEP_S)
-            self._tell(child, EventKind.READY, slow)
+            self._report(child, EventKind.READY, slow)
         child.ready.set()
         if self._spare is not None:
             self._spare.refill_soon()
 
-    async def _watch_pulse(self, child: Child, process: Process, pulse: Pulse) -> None:
+    async def _watch_pulse(self, child: Child, process: Process, pulse: HeartbeatMonitor) -> None:
         """Where its heartbeats stop: SIGTERM, and after its grace time SIGKILL."""
         step_s = pulse.period_s / 2
         while True:
@@ -355,7 +355,7 @@ class Supervisor:
             if pulse.hung(self._clock.monotonic_s()):
                 break
         child.state, child.hung = "hung", f"hung: no heartbeat for {pulse.silence_s(self._clock.monotonic_s()):.1f} s"
-        self._tell(child, EventKind.HUNG, child.hung)
+        self._report(child, EventKind.HUNG, child.hung)
         process.terminate()
         await asyncio.sleep(child.launch.hang_grace_s)
         process.kill_if_running()
@@ -372,7 +372,7 @@ class Supervisor:
         tail = child.process.log.tail() if exit_.code else []
         return f"{reason}: {tail[-1]}" if tail else reason
 
-    def _tell(self, child: Child, kind: EventKind, detail: str = "", *, delay_s: float = 0.0) -> None:
+    def _report(self, child: Child, kind: EventKind, detail: str = "", *, delay_s: float = 0.0) -> None:
         pid = child.process.pid if child.process else None
         event = Event(
             name=child.launch.name, kind=kind, detail=detail, pid=pid, restarts=child.restarts, delay_s=delay_s

@@ -11,9 +11,9 @@ from typing import Any, Final
 
 from metaros.errors import ConfigError
 from metaros.supervise.control import Request
-from metaros.supervise.log_reader import read_page
+from metaros.supervise.logs.reader import read_page
+from metaros.supervise.node_table_file import MAX_ROWS, read_rows
 from metaros.supervise.service import NodeService
-from metaros.supervise.table_file import MAX_ROWS, read_rows
 
 __all__ = ["Verbs"]
 

@@ -9,16 +9,25 @@ from metaros.wire.attachment import Attachment, pack_attachment, parse_attachmen
 from metaros.wire.gid import gid_of
 from metaros.wire.graph import EndpointInfo, Graph, NodeInfo
 from metaros.wire.keys import DataKey, parse_key
+from metaros.wire.liveliness_tokens import EndpointToken, NodeToken, parse_token
 from metaros.wire.names import NO_HASH, dds_name, ros_name
 from metaros.wire.qos import (
     INFINITE_NS,
     Congestion,
     Durability,
+    DurabilityPolicy,
     History,
+    HistoryPolicy,
     Liveliness,
+    LivelinessPolicy,
     Priority,
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSLivelinessPolicy,
     QoSProfile,
+    QoSReliabilityPolicy,
     Reliability,
+    ReliabilityPolicy,
     incompatibilities,
     qos_command,
     qos_default,
@@ -30,7 +39,6 @@ from metaros.wire.qos import (
     qos_transient_local,
 )
 from metaros.wire.session import WireSession, default_endpoint, domain_from
-from metaros.wire.tokens import EndpointToken, NodeToken, parse_token
 
 if TYPE_CHECKING:
     from metaros.wire.router import Router, open_router, probe
@@ -42,16 +50,24 @@ __all__ = [
     "Congestion",
     "DataKey",
     "Durability",
+    "DurabilityPolicy",
     "EndpointInfo",
     "EndpointToken",
     "Graph",
     "History",
+    "HistoryPolicy",
     "Liveliness",
+    "LivelinessPolicy",
     "NodeInfo",
     "NodeToken",
     "Priority",
+    "QoSDurabilityPolicy",
+    "QoSHistoryPolicy",
+    "QoSLivelinessPolicy",
     "QoSProfile",
+    "QoSReliabilityPolicy",
     "Reliability",
+    "ReliabilityPolicy",
     "Router",
     "WireSession",
     "dds_name",

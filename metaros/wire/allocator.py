@@ -28,11 +28,11 @@ def keep_large_blocks(environ: Mapping[str, str] = os.environ) -> bool:
     """Tell the allocator, for the whole process; False where it is another one, or the user's own choice."""
     own = environ.get("METAROS_ALLOCATOR") == "off" or any(name in environ for name in _USERS_OWN)
     if sys.platform == "linux" and not own:
-        return _tell_glibc()
+        return _report_glibc()
     return False
 
 
-def _tell_glibc() -> bool:
+def _report_glibc() -> bool:
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):  # musl has none

@@ -1,4 +1,4 @@
-"""The graph: who is there, as liveliness tokens tell it.
+"""The graph: nodes and endpoints, by their liveliness tokens.
 
 `GraphState` is the pure part: tokens in, answers out. `Graph` feeds it from a session: the tokens that exist when it
 opens, and every change after, handled on a thread of its own so that no reader's callback runs on a Zenoh thread.
@@ -18,10 +18,10 @@ from typing import Final
 import zenoh
 
 from metaros.errors import TokenError
-from metaros.wire.pin import pinning
+from metaros.wire.liveliness_tokens import EndpointKind, EndpointToken, NodeToken, parse_token, tokens_of_domain
 from metaros.wire.qos import QoSProfile
 from metaros.wire.session import WireSession
-from metaros.wire.tokens import EndpointKind, EndpointToken, NodeToken, parse_token, tokens_of_domain
+from metaros.wire.thread_state import pin_thread_state
 
 __all__ = ["EndpointInfo", "Graph", "GraphState", "NodeInfo"]
 
@@ -158,7 +158,7 @@ class Graph:
         keys = tokens_of_domain(self._session.domain)
         put, first = self._queue.put, threading.Event()
         # C functions: Zenoh calls them on the thread that declares, too, where Python code could lose a signal.
-        callback = zenoh.handlers.Callback(pinning(put), indirect=False)
+        callback = zenoh.handlers.Callback(pin_thread_state(put), indirect=False)
         self._subscriber = liveliness.declare_subscriber(keys, callback, history=True)
         answers = zenoh.handlers.Callback(put, partial(put, first), indirect=False)
         liveliness.get(keys, answers, timeout=_FIRST_ANSWER_S)
@@ -241,15 +241,15 @@ class Graph:
 
         A peer is told of the graph bit by bit, and never that this was all. A client's question is answered in full.
         """
-        told = GraphState()
+        snapshot = GraphState()
         try:
             with self._session.client() as client:
                 for answer in client.liveliness().get(tokens_of_domain(self._session.domain), timeout=timeout_s):
                     if answer.ok is not None:
-                        told.add(str(answer.ok.key_expr))
+                        snapshot.add(str(answer.ok.key_expr))
         except zenoh.ZError:
             return False
-        missing = set(told.keys())
+        missing = set(snapshot.keys())
 
         def is_here() -> bool:
             missing.difference_update(self._state.keys())

@@ -1,20 +1,20 @@
-"""Why two endpoints of one topic or service do not hear each other: ROS itself does not say when hashes differ."""
+"""Whether two endpoints of one topic or service match, and why not: ROS itself is silent where type hashes differ."""
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
 from metaros.errors import TypeHashError
+from metaros.wire.liveliness_tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
 from metaros.wire.qos import incompatibilities
-from metaros.wire.tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
 
-__all__ = ["Obstacle", "meets", "obstacle"]
+__all__ = ["Mismatch", "is_counterpart", "mismatch"]
 
 _COUNTERPART: Final[dict[EndpointKind, EndpointKind]] = {"MP": "MS", "MS": "MP", "SS": "SC", "SC": "SS"}
 
 
-class Obstacle(NamedTuple):
-    """What stands between two endpoints.
+class Mismatch(NamedTuple):
+    """Why two endpoints do not match.
 
     `code` is stable, `text` names the topic, both nodes and the policy, `silent` says whether nothing at all gets
     through, `policies` which of the QoS policies are at odds.
@@ -26,27 +26,27 @@ class Obstacle(NamedTuple):
     policies: tuple[str, ...] = ()
 
 
-def meets(own: EndpointToken, peer: EndpointToken) -> bool:
+def is_counterpart(own: EndpointToken, peer: EndpointToken) -> bool:
     """Whether the two are counterparts on one name, be they compatible or not."""
     return own.topic == peer.topic and _COUNTERPART[own.kind] == peer.kind and own.node.domain == peer.node.domain
 
 
-def obstacle(own: EndpointToken, peer: EndpointToken) -> Obstacle | None:
+def mismatch(own: EndpointToken, peer: EndpointToken) -> Mismatch | None:
     """What keeps `own` and `peer` apart; None when they match, or were never meant to meet."""
-    if not meets(own, peer):
+    if not is_counterpart(own, peer):
         return None
     where = f"{own.topic}: {_who(own)} and {_who(peer)}"
     if own.type_name != peer.type_name:
-        return Obstacle("type_mismatch", f"{where}: type {own.type_name} here, {peer.type_name} there", True)
+        return Mismatch("type_mismatch", f"{where}: type {own.type_name} here, {peer.type_name} there", True)
     if own.type_hash != peer.type_hash:
         hashes = f"{own.type_hash} here, {peer.type_hash} there"
-        return Obstacle(TypeHashError.code, f"{where}: two definitions of {own.type_name}: {hashes}", True)
+        return Mismatch(TypeHashError.code, f"{where}: two definitions of {own.type_name}: {hashes}", True)
     if own.kind in ("MP", "MS"):
         offered, requested = (own.qos, peer.qos) if own.kind == "MP" else (peer.qos, own.qos)
         reasons = incompatibilities(offered, requested)
         if reasons:
             policies = tuple(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
-            return Obstacle("qos_mismatch", f"{where}: {'; '.join(reasons)}", False, policies)
+            return Mismatch("qos_mismatch", f"{where}: {'; '.join(reasons)}", False, policies)
     return None
 
 

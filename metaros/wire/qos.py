@@ -12,11 +12,19 @@ __all__ = [
     "INFINITE_NS",
     "Congestion",
     "Durability",
+    "DurabilityPolicy",
     "History",
+    "HistoryPolicy",
     "Liveliness",
+    "LivelinessPolicy",
     "Priority",
+    "QoSDurabilityPolicy",
+    "QoSHistoryPolicy",
+    "QoSLivelinessPolicy",
     "QoSProfile",
+    "QoSReliabilityPolicy",
     "Reliability",
+    "ReliabilityPolicy",
     "incompatibilities",
     "qos_command",
     "qos_default",
@@ -72,6 +80,17 @@ class Liveliness(IntEnum):
     MANUAL_BY_TOPIC = 3
     UNKNOWN = 4
     BEST_AVAILABLE = 5
+
+
+# The names in rclpy.qos, its old and its present ones: the same classes, so that code from there finds them.
+ReliabilityPolicy = Reliability
+DurabilityPolicy = Durability
+HistoryPolicy = History
+LivelinessPolicy = Liveliness
+QoSReliabilityPolicy = Reliability
+QoSDurabilityPolicy = Durability
+QoSHistoryPolicy = History
+QoSLivelinessPolicy = Liveliness
 
 
 class Priority(IntEnum):

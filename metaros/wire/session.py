@@ -21,8 +21,8 @@ from urllib.parse import unquote, urlsplit
 
 import zenoh
 
+from metaros.concurrency.waiting import pause
 from metaros.errors import ClosedError, ConfigError, NameError_
-from metaros.waiting import pause
 from metaros.wire.allocator import keep_large_blocks
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool

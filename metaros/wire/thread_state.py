@@ -12,12 +12,12 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from metaros.sinks import in_turn
+from metaros.concurrency.native_callbacks import chain
 
-__all__ = ["pinning"]
+__all__ = ["pin_thread_state"]
 
 
-def pinning(put: Callable[[Any], None]) -> Callable[[Any], Any]:
+def pin_thread_state(put: Callable[[Any], None]) -> Callable[[Any], Any]:
     """`put`, which afterwards pins the calling thread's state; a C function where `put` is.
 
     It is `put` itself where the interpreter is not CPython.
@@ -26,4 +26,4 @@ def pinning(put: Callable[[Any], None]) -> Callable[[Any], Any]:
         return put
     # The C function takes no argument; one that it does not look at does no harm.
     ensure = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.py_object)(("PyGILState_Ensure", ctypes.pythonapi))
-    return in_turn(put, ensure)
+    return chain(put, ensure)

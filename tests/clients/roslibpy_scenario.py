@@ -21,18 +21,18 @@ def say(step: str, value: Any = None) -> None:
 
 def first(ros: Any, name: str, kind: str) -> Any:
     """The first message of a topic."""
-    heard: list[Any] = []
+    received: list[Any] = []
     there = threading.Event()
     topic = roslibpy.Topic(ros, name, kind, throttle_rate=20, queue_length=1)
 
     def hear(message: Any) -> None:
-        heard.append(dict(message))
+        received.append(dict(message))
         there.set()
 
     topic.subscribe(hear)
     assert there.wait(WAIT_S), name
     topic.unsubscribe()
-    return heard[0]
+    return received[0]
 
 
 def goal(ros: Any, order: int, *, cancel: bool = False) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.real_gateway import real_gateway
+from tests.e2e.real.gateway import real_gateway
 from tools.gen_ts_client import TARGET, document, render
 
 ROOT = Path(__file__).resolve().parents[2]

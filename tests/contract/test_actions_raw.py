@@ -16,7 +16,15 @@ import zenoh
 import metaros
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.node import GoalState, ServerGoal
-from tests.support.raw_peer import CDR, STAMP_NS, RawPeer, gid_of, open_session, pack_attachment, unpack_attachment
+from tests.support.nodes.raw_peer import (
+    CDR,
+    STAMP_NS,
+    RawPeer,
+    gid_of,
+    open_session,
+    pack_attachment,
+    unpack_attachment,
+)
 from tests.support.waiting import wait_until
 
 HASHES = json.loads((Path(__file__).parents[1] / "data" / "ros2_rihs01.json").read_text())

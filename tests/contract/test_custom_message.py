@@ -22,7 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import metaros
 from metaros.interfaces.geometry_msgs.msg import Point
 from metaros.interfaces.std_msgs.msg import Header
-from tests.support.raw_peer import RawPeer, open_session, unpack_attachment
+from tests.support.nodes.raw_peer import RawPeer, open_session, unpack_attachment
 from tests.support.waiting import wait_until
 
 HASHES_SERVICE = "RIHS01_69b9c19c1021405984cc60dbbb1edceb147a6538b411d812ba6afabeed962cd5"
@@ -188,26 +188,26 @@ def test_a_raw_peer_understands_a_custom_message_both_ways(robot, peer, arrived)
     samples = peer.subscribe("/ns/state", dds, type_hash, "::,10:,:,:,,")
     sample = samples.get(timeout=60)
     assert len(unpack_attachment(sample.attachment.to_bytes())[2]) == 16
-    heard = store.deserialize_cdr(sample.payload.to_bytes(), "zoo_robot/msg/BaseState")
-    assert (heard.header.frame_id, heard.gear, heard.GEAR_DRIVE, heard.ready, heard.ticks) == (
+    received = store.deserialize_cdr(sample.payload.to_bytes(), "zoo_robot/msg/BaseState")
+    assert (received.header.frame_id, received.gear, received.GEAR_DRIVE, received.ready, received.ticks) == (
         "base",
         4,
         4,
         True,
         -(2**40),
     )
-    assert [(wheel.joint, wheel.speed, wheel.contact.z) for wheel in heard.wheels] == [
+    assert [(wheel.joint, wheel.speed, wheel.contact.z) for wheel in received.wheels] == [
         ("left", 0.5, 0.0),
         ("right", 0.5, -2.0),
     ]
-    assert (heard.names, heard.blob.tobytes()) == (["a", "bé"], b"\0\1\xff")
-    assert heard.pose.tolist() == list(range(12))
-    assert heard.points.tolist() == [1, 2, 3, 4, 5, 6]
-    assert heard.MAX_WHEELS == 6
+    assert (received.names, received.blob.tobytes()) == (["a", "bé"], b"\0\1\xff")
+    assert received.pose.tolist() == list(range(12))
+    assert received.points.tolist() == [1, 2, 3, 4, 5, 6]
+    assert received.MAX_WHEELS == 6
 
-    heard.ticks, heard.header.frame_id = 7, "peer"
+    received.ticks, received.header.frame_id = 7, "peer"
     publish = peer.publisher("/ns/wish", dds, type_hash, "::,10:,:,:,,")
-    payload = bytes(store.serialize_cdr(heard, "zoo_robot/msg/BaseState"))
+    payload = bytes(store.serialize_cdr(received, "zoo_robot/msg/BaseState"))
 
     def came() -> bool:
         publish(payload)

@@ -1,16 +1,16 @@
 """The delivery contract: hundreds of simulated worlds in which everything fails, and nothing is lost unsaid.
 
 They are so many that each broken rule of `test_delivery_mutations.py` is found by them, too. Tens of thousands:
-`make campaign ARGS=simulator`. A failing seed is named in the message; `python -m load_tests.campaign_sim --seeds N`
-runs it again.
+`make campaign ARGS=simulator`. A failing seed is named in the message, and runs again by
+`python -m load_tests.campaigns.delivery_simulation --seeds N`.
 """
 
 from __future__ import annotations
 
 import pytest
 
-from load_tests.campaign_sim import run
-from tests.support.link_sim import KINDS
+from load_tests.campaigns.delivery_simulation import run
+from tests.support.simulation.link_sim import KINDS
 
 BLOCKS, WORLDS = 6, 50
 MISHAPS: dict[str, tuple[tuple[str, ...], range]] = {
@@ -23,7 +23,9 @@ MISHAPS: dict[str, tuple[tuple[str, ...], range]] = {
 def assert_no_failures(failures: list[tuple[int, str]], options: str = "") -> None:
     """Name the seeds and how to run them again."""
     seeds = " ".join(str(seed) for seed, _ in failures)
-    assert not failures, f"{failures[:3]}; again: python -m load_tests.campaign_sim{options} --seeds {seeds}"
+    assert not failures, (
+        f"{failures[:3]}; again: python -m load_tests.campaigns.delivery_simulation{options} --seeds {seeds}"
+    )
 
 
 # The first block at a desk, all in CI.

@@ -11,10 +11,10 @@ from gateway.ingest.events import Arrived, Event, GapDeclared, RowsArrived
 from gateway.ingest.session import Session
 from gateway.ingest.streams import Accepted, StreamTable
 from metaros._proto import link_pb2
-from tests.support.link_sim import Parts, run_world
-from tests.support.sim_agent import Agent, WatchedOutbox
-from tests.support.sim_disk import SimDisk
-from tests.support.sim_gateway import Gateway, SimStore, described
+from tests.support.simulation.link_sim import Parts, run_simulation
+from tests.support.simulation.sim_agent import Agent, WatchedOutbox
+from tests.support.simulation.sim_disk import SimDisk
+from tests.support.simulation.sim_gateway import Gateway, SimStore, described
 
 SEEDS = 150
 
@@ -165,7 +165,7 @@ def test_a_broken_rule_is_found(mutation: str) -> None:
     parts, kinds, first = MUTATIONS[mutation]
     for seed in range(first, first + SEEDS):
         try:
-            run_world(seed, kinds=kinds, parts=parts)
+            run_simulation(seed, kinds=kinds, parts=parts)
         except Exception:  # whatever breaks first
             return
     raise AssertionError(f"{SEEDS} worlds did not notice: {mutation}")
@@ -174,4 +174,4 @@ def test_a_broken_rule_is_found(mutation: str) -> None:
 def test_the_unbroken_world_passes_the_same_seeds() -> None:
     for _, kinds, first in MUTATIONS.values():
         for seed in range(first, first + 2):
-            run_world(seed, kinds=kinds)
+            run_simulation(seed, kinds=kinds)

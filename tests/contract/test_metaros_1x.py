@@ -103,8 +103,8 @@ def running(python: Path, program: str, endpoint: str, log: Path, *arguments: st
 @pytest.mark.integration
 @pytest.mark.xdist_group("metaros_1x")
 @pytest.mark.timeout(300)
-def test_its_publisher_is_heard_by_a_node(old_python: Path, rig: Rig, tmp_path: Path) -> None:  # noqa: F811
-    heard: dict[str, Any] = {}
+def test_its_publisher_is_received_by_a_node(old_python: Path, rig: Rig, tmp_path: Path) -> None:  # noqa: F811
+    received: dict[str, Any] = {}
     wanted = {
         "/text": String,
         "/number": Float64,
@@ -115,16 +115,16 @@ def test_its_publisher_is_heard_by_a_node(old_python: Path, rig: Rig, tmp_path: 
         "/laser": LaserScan,
     }
     for topic, cls in wanted.items():
-        rig.node.create_subscription(cls, topic, lambda message, topic=topic: heard.__setitem__(topic, message))
+        rig.node.create_subscription(cls, topic, lambda message, topic=topic: received.__setitem__(topic, message))
     with running(old_python, PUBLISHER, rig.hub.xsub[0], tmp_path / "log"):
-        wait_until(lambda: heard.keys() == wanted.keys(), timeout_s=120)
+        wait_until(lambda: received.keys() == wanted.keys(), timeout_s=120)
         wait_until(lambda: "/unknown" in rig.peers.graph.topics())
-    assert heard["/text"].data == "from 1.1.5"
-    assert (heard["/number"].data, heard["/count"].data, heard["/flag"].data) == (2.5, 7, True)
-    assert (heard["/cmd"].linear.x, heard["/cmd"].angular.z) == (0.5, -1.0)
-    assert heard["/odometry"].child_frame_id == "base"
-    assert heard["/odometry"].header.stamp.sec > 0
-    assert list(heard["/laser"].ranges) == [1.0, 2.0, 3.0]
+    assert received["/text"].data == "from 1.1.5"
+    assert (received["/number"].data, received["/count"].data, received["/flag"].data) == (2.5, 7, True)
+    assert (received["/cmd"].linear.x, received["/cmd"].angular.z) == (0.5, -1.0)
+    assert received["/odometry"].child_frame_id == "base"
+    assert received["/odometry"].header.stamp.sec > 0
+    assert list(received["/laser"].ranges) == [1.0, 2.0, 3.0]
     assert rig.peers.graph.topics()["/unknown"] == {"geometry_msgs/msg/Twist"}, "guessed by its fields"
     assert sum(row.malformed for row in rig.broker.report().rows) == 0
 
@@ -165,12 +165,12 @@ def test_its_subscriber_hears_a_node(old_python: Path, rig: Rig, tmp_path: Path)
         running(old_python, SUBSCRIBER, where, tmp_path / "log2", "odometry") as more,
     ):
 
-        def heard() -> dict[str, Any]:
+        def received() -> dict[str, Any]:
             return dict(json.loads(line) for line in [*lines(), *more()] if line.startswith("["))
 
-        wait_until(lambda: heard().keys() == messages.keys(), timeout_s=120, every_s=0.2)
+        wait_until(lambda: received().keys() == messages.keys(), timeout_s=120, every_s=0.2)
         assert not [line for line in [*lines(), *more()] if "Could not decode" in line]
-    found = heard()
+    found = received()
     assert found["/text"] == {"data": "from Meta-ROS"}
     assert found["/cmd"]["linear"]["x"] == 0.75
     assert found["/odometry"]["pose"]["pose"]["position"]["x"] == 1.25

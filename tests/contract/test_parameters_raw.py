@@ -185,18 +185,18 @@ def test_names_values_and_types_are_listed_byte_for_byte(ask):
     assert values == Cdr().put("I", 3).value(3, double=0.5).value(2, integer=7).value(0).data
 
 
-def test_a_set_is_obeyed_and_told_to_all(plain, robot, ask):
+def test_a_set_is_obeyed_and_reported_to_all(plain, robot, ask):
     events: SimpleQueue[zenoh.Sample] = SimpleQueue()
     type_hash = HASHES["rcl_interfaces/msg/ParameterEvent"]
     key = f"0/parameter_events/rcl_interfaces::msg::dds_::ParameterEvent_/{type_hash}"
     plain.declare_subscriber(key, zenoh.handlers.Callback(events.put, indirect=False))
 
-    def heard() -> bool:
+    def received() -> bool:
         done = ask(service_key("SetParameters"), one_double("speed", 0.25))
         assert done == Cdr().put("I", 1).put("B", 1).text("").data
         return not events.empty()
 
-    wait_until(heard)
+    wait_until(received)
     assert robot.parameters["speed"] == 0.25
     sample = events.get()
     event = STORE.deserialize_cdr(sample.payload.to_bytes(), "rcl_interfaces/msg/ParameterEvent")

@@ -15,9 +15,17 @@ import metaros
 from metaros.cdr import codec
 from metaros.errors import PeerError, TimeoutError_
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
-from metaros.node.service import Responder, Waiting
+from metaros.node.service import PendingRequest, Responder
 from metaros.wire import qos_services as QOS
-from tests.support.raw_peer import CDR, STAMP_NS, RawPeer, gid_of, open_session, pack_attachment, unpack_attachment
+from tests.support.nodes.raw_peer import (
+    CDR,
+    STAMP_NS,
+    RawPeer,
+    gid_of,
+    open_session,
+    pack_attachment,
+    unpack_attachment,
+)
 from tests.support.waiting import wait_until
 
 DDS = "example_interfaces::srv::dds_::AddTwoInts_"
@@ -89,7 +97,7 @@ def test_our_service_answers_old_and_wrong_attachments_as_rmw_does(node, peer):
 
 
 def test_the_same_request_twice_at_a_time_is_refused_the_second_time(node, peer):
-    held: list[Waiting] = []
+    held: list[PendingRequest] = []
     coders = {"request": codec(AddTwoInts.Request), "response": codec(AddTwoInts.Response)}
     Responder(node, AddTwoInts, "add_two_ints", lambda request, waiting: held.append(waiting), qos=QOS, **coders)
     wait_until(lambda: any("/SS/" in token and "%add_two_ints" in token for token in peer.tokens()))

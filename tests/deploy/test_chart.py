@@ -13,8 +13,8 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from tests.support.helm import CHART, HELMS, KUBES, SETS, rendered, run_helm, settings_file
-from tests.support.kubernetes import CUSTOM, check_object
+from tests.support.deployment.helm import CHART, HELMS, KUBES, SETS, rendered, run_helm, settings_file
+from tests.support.deployment.kubernetes import CUSTOM, check_object
 from tests.support.tables import refusal
 
 

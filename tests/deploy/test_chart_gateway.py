@@ -12,13 +12,13 @@ import typer
 
 from gateway import settings as defaults
 from gateway.api import route_paths
-from gateway.api.allow import RPCS
+from gateway.api.authorization import RPC_PERMISSIONS
 from gateway.identity.permissions import permission
 from gateway.settings import Settings
 from metaros.cli.main import build_app
-from metaros.cli.options import DEFAULT_ZENOH_PORT
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT
 from metaros.wire.router import other_routers
-from tests.support.helm import SETS, rendered
+from tests.support.deployment.helm import SETS, rendered
 
 PORTS = {
     "http": ("port", defaults.DEFAULT_HTTP_PORT),
@@ -66,7 +66,7 @@ def gateways() -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
 
 def settings_of(container: dict[str, Any]) -> Settings:
     """As `metaros gateway` makes them; with a store, as it has in a cluster."""
-    from gateway.cli import _settings
+    from gateway.cli.gateway import _settings
 
     _, given = command_of(container["args"])
     for name in ("context", "status_file"):
@@ -158,15 +158,15 @@ def test_probes_ask_routes_that_exist_and_that_anybody_may_ask() -> None:
             (host,) = (item["value"] for item in probe["httpHeaders"] if item["name"] == "Host")
             assert host in made.server_names
     assert permission("health.read").who == "anyone"
-    assert RPCS["/grpc.health.v1.Health/Check"] == "health.read"
+    assert RPC_PERMISSIONS["/grpc.health.v1.Health/Check"] == "health.read"
 
 
 def test_there_is_time_to_drain() -> None:
     for name, container, pod in gateways():
         made = settings_of(container)
         sleeps = container["lifecycle"]["preStop"]["sleep"]["seconds"]
-        # gateway/drain.py: commands have drain_s, requests have it after them; robots' Goodbyes and what detectors
-        # know take at most 10 s each.
+        # gateway/drain.py: commands have drain_s, requests have it after them; robots' Goodbyes and what
+        # detectors know take at most 10 s each.
         needed_s = sleeps + made.drain_notice_s + 2 * made.drain_s + 20
         assert pod["spec"]["terminationGracePeriodSeconds"] > needed_s + 5, name
         look = container["readinessProbe"]

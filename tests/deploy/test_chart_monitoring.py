@@ -11,7 +11,7 @@ import pytest
 
 from gateway.identity.permissions import permission
 from gateway.ops.metric_table import METRICS
-from tests.support.helm import CHART, rendered
+from tests.support.deployment.helm import CHART, rendered
 
 SHOWN = {
     name: {*row.labels, *(["le"] if name.endswith("_bucket") else [])}

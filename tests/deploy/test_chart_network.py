@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.helm import NAMESPACE, SETS, Rendered, parsed, rendered, settings_file, template
+from tests.support.deployment.helm import NAMESPACE, SETS, Rendered, parsed, rendered, settings_file, template
 
 COMPONENT = "app.kubernetes.io/component"
 Object = dict[str, Any]

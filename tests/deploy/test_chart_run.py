@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from gateway.names import outward_address
-from tests.support.chart_pods import PodHere, asked, probed, walls
-from tests.support.helm import Rendered, parsed, settings_file, template
+from gateway.domain.host_names import outward_address
+from tests.support.deployment.chart_pods import PodHere, asked, probed, walls
+from tests.support.deployment.helm import Rendered, parsed, settings_file, template
 from tests.support.ports import free_port
-from tests.support.postgres import PostgresServer
-from tests.support.seaweed import ACCESS_KEY, BUCKET, SECRET_KEY, SeaweedServer
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.seaweed import ACCESS_KEY, BUCKET, SECRET_KEY, SeaweedServer
 from tests.support.waiting import wait_until
 
 Secrets = dict[str, dict[str, bytes]]

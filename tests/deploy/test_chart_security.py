@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.helm import SETS, parsed, rendered, settings_file, template
+from tests.support.deployment.helm import SETS, parsed, rendered, settings_file, template
 
 Object = dict[str, Any]
 # https://kubernetes.io/docs/concepts/security/pod-security-standards/: what "restricted" lets a pod mount.

@@ -11,7 +11,7 @@ import jsonschema
 import yaml
 
 from metaros.limits import LIMITS
-from tests.support.helm import CHART, HELMS, SETS, notes, rendered, run_helm, settings_file
+from tests.support.deployment.helm import CHART, HELMS, SETS, notes, rendered, run_helm, settings_file
 
 SCHEMA = json.loads((CHART / "values.schema.json").read_text())
 CHECK = jsonschema.Draft7Validator(SCHEMA)

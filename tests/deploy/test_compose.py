@@ -22,14 +22,14 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.support.certificates import make_certificate
-from tests.support.command_line import run_metaros
-from tests.support.deployed import options_of, settings_of
-from tests.support.nginx import nginx_program
+from tests.support.deployment.deployed import options_of, settings_of
 from tests.support.ports import free_port
-from tests.support.postgres import PostgresServer
-from tests.support.processes import end
-from tests.support.stack import Stack
+from tests.support.processes.command_line import run_metaros
+from tests.support.processes.processes import end
+from tests.support.processes.stack import Stack
+from tests.support.servers.certificates import make_certificate
+from tests.support.servers.nginx import nginx_program
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -21,7 +21,7 @@ import pytest
 
 from gateway import settings
 from tests.gateway.test_drain import ending_gateway
-from tests.support.deployed import settings_of
+from tests.support.deployment.deployed import settings_of
 from tests.support.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ import yaml
 
 from tests.deploy.test_chart_gateway import command_of
 from tests.deploy.test_chart_values import SCHEMA, VALUES, paths_of
-from tests.support.helm import CHART, NAMESPACE, RELEASE, parsed, rendered, settings_file, template
+from tests.support.deployment.helm import CHART, NAMESPACE, RELEASE, parsed, rendered, settings_file, template
 
 PAGE = CHART.parents[1] / "docs" / "howto" / "kubernetes.md"
 TEXT = PAGE.read_text()

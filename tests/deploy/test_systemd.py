@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.deployed import options_of, settings_of
+from tests.support.deployment.deployed import options_of, settings_of
 
 ROOT = Path(__file__).resolve().parents[2]
 UNITS = ROOT / "deploy" / "systemd"
@@ -97,7 +97,7 @@ def test_variables_are_read_by_somebody() -> None:
 
 
 def test_the_agents_example_is_a_config() -> None:
-    from edge_agent.config import load_settings
+    from edge_agent.config.settings import load_settings
 
     made = load_settings(UNITS / "agent.toml")
     assert environment("agent.env")["METAROS_SUPERVISOR_OPTIONS"].split()[-1] == made.name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.warm import warm_metaros
+from tests.support.processes.fork_server import warm_metaros
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,9 @@ from tests.layout.test_docs import command_tree
 ROOT = Path(__file__).resolve().parents[2]
 HOWTO = ROOT / "docs" / "howto"
 PAGES = sorted(HOWTO.glob("*.md"))
-PERFORMED = {"rotate_keys.md"}  # by tests/security/test_rotation.py, which also looks at what each command does
+PERFORMED = {
+    "rotate_keys.md"
+}  # by tests/security/identity/test_rotation.py, which also looks at what each command does
 RUN = [page for page in PAGES if page.name not in PERFORMED and commands_of(page.read_text())]
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
 NOUNS = "topic|node|service|action|graph|history|top|doctor|launch status|status"

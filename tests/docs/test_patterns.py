@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-from metaros.rules.index import PatternIndex
-from metaros.rules.leaf import OPERATORS
-from metaros.rules.pattern import compile_pattern
-from metaros.rules.schedule import Schedule
-from metaros.rules.when import When
-from metaros.rules.when_text import KEYS
+from metaros.automation.rules.field_matcher import OPERATORS
+from metaros.automation.rules.index import PatternIndex
+from metaros.automation.rules.pattern import compile_pattern
+from metaros.automation.rules.schedule import Schedule
+from metaros.automation.rules.when import When
+from metaros.automation.rules.when_text import KEYS
 from tests.support.tables import cases
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "patterns.md").read_text()

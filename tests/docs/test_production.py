@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from metaros.functions.probe import probe
-from metaros.functions.sandbox.level import Level
+from metaros.automation.functions.probe import probe
+from metaros.automation.functions.sandbox.level import Level
 from tests.docs.console import commands_of
-from tests.support.deployed import options_of
-from tests.support.stack import Stack
+from tests.support.deployment.deployed import options_of
+from tests.support.processes.stack import Stack
 from tests.support.tables import cases
 
 ROOT = Path(__file__).resolve().parents[2]

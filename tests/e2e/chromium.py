@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-__all__ = ["ARGUMENTS", "CHROMIUM", "DESK", "INSECURE_HOST", "PHONE", "Chromium", "Desk", "sign_in"]
+__all__ = ["ARGUMENTS", "CHROMIUM", "DESKTOP", "INSECURE_HOST", "PHONE", "Chromium", "Pages", "sign_in"]
 
 # The first is Debian's package of Chromium's old headless mode: the same engine for a quarter less CPU.
 PROGRAMS = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -22,7 +22,7 @@ ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-DESK = {"width": 1440, "height": 900}
+DESKTOP = {"width": 1440, "height": 900}
 PHONE = {"width": 390, "height": 844}
 PATIENCE_MS = 60_000  # a loaded machine paints late
 INSECURE_HOST = "robots.test"  # this machine, which the browser takes for another one
@@ -78,7 +78,7 @@ class Chromium:
             self._playwright.stop()
 
 
-class Desk:
+class Pages:
     """The pages of one test: a kept one the first time, new ones beside it."""
 
     def __init__(self, chromium: Chromium) -> None:
@@ -91,7 +91,7 @@ class Desk:
         self,
         url: str,
         *,
-        size: dict[str, int] = DESK,
+        size: dict[str, int] = DESKTOP,
         scheme: str = "light",
         touch: bool = False,
         own: bool = False,
@@ -124,7 +124,7 @@ class Desk:
 
     def _new(self, browser: Browser, touch: bool) -> Page:
         """It takes any certificate, as if its root were in the machine's trust store."""
-        context = browser.new_context(viewport=DESK, has_touch=touch, is_mobile=touch, ignore_https_errors=True)  # type: ignore[arg-type]
+        context = browser.new_context(viewport=DESKTOP, has_touch=touch, is_mobile=touch, ignore_https_errors=True)  # type: ignore[arg-type]
         page = context.new_page()
         page.set_default_timeout(PATIENCE_MS)
         return page

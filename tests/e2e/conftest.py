@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESK, PHONE, Chromium, Desk
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_world import QUIET, FakeRobot
+from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESKTOP, PHONE, Chromium, Pages
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.robots import QUIET, FakeRobot
 from tests.e2e.readable import save
 from tests.support.ports import free_port
 from tools import hatch_build
 
-__all__ = ["ARGUMENTS", "CHROMIUM", "DESK", "PHONE", "ROOT", "save"]
+__all__ = ["ARGUMENTS", "CHROMIUM", "DESKTOP", "PHONE", "ROOT", "save"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,10 +61,10 @@ def browser(chromium: Chromium) -> Browser:
 @pytest.fixture
 def open_page(chromium: Chromium, browser: Browser) -> Iterator[Callable[..., Page]]:
     """Open an address at a size and in a colour scheme; any error on a page fails the test at its end."""
-    desk = Desk(chromium)
-    yield desk.open
-    desk.clear()
-    assert desk.errors == []
+    pages = Pages(chromium)
+    yield pages.open
+    pages.clear()
+    assert pages.errors == []
 
 
 @pytest.fixture(scope="session")

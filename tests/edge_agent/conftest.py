@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 import metaros
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.main import run_agent
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
-from tests.support.fake_gateway import FakeGateway, fake_gateway
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.fake_gateway import FakeGateway, fake_gateway
+from tests.support.gateways.gateway_half import GatewayHalf
 from tests.support.waiting import wait_until_async
 
 

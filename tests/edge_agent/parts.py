@@ -7,7 +7,7 @@ from typing import Any
 
 from edge_agent.outbox import LOGS, ClassPolicy, Outbox, Taken, run_steps, steps
 from metaros.clock import Clock, ManualClock
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 __all__ = ["accept", "make_outbox", "policies", "taken"]
 

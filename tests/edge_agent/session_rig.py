@@ -5,21 +5,22 @@ from __future__ import annotations
 import random  # noqa: TID251 - seeded
 from collections.abc import Sequence
 
-from edge_agent.batch import Linger
-from edge_agent.channels import METRIC_STREAM, Channels
-from edge_agent.live import LiveQueue
-from edge_agent.sample_trace import Tracer
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.budget import Budget
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import METRIC_STREAM, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.sample_trace import Tracer
+from edge_agent.link.budget import Budget
 from edge_agent.uplink.lane import Compression
-from edge_agent.uplink.session import LANES, AgentSession, Established, Event, Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import LANES, AgentSession, Established, Event, Identity
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.idl import type_hash
 from metaros.limits import Limits
 from tests.edge_agent.parts import accept, make_outbox, policies
-from tests.support.gateway_half import GatewayHalf
-from tests.support.sim_disk import SimDisk
+from tests.support.gateways.gateway_half import GatewayHalf
+from tests.support.simulation.sim_disk import SimDisk
 
 __all__ = ["BATTERY", "EPOCH", "TOPICS", "SessionRig"]
 

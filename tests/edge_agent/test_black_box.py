@@ -9,15 +9,15 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 import metaros
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.config import Settings
+from edge_agent.config.black_box import BlackBoxSettings
+from edge_agent.config.settings import Settings
 from edge_agent.main import run_agent
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from tests.edge_agent.conftest import Rig, Robot
-from tests.support.fake_gateway import BACKFILL, FakeGateway
+from tests.support.gateways.fake_gateway import BACKFILL, FakeGateway
 from tests.support.waiting import wait_until_async
 
 ID = "01HZZZZZZZZZZZZZZZZZZZZZ01"

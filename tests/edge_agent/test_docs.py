@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.config import RULE_KEYS, OutboxSettings, Settings
-from edge_agent.topics import DEFAULT_TOPICS, TopicRule
+from edge_agent.config.black_box import BlackBoxSettings
+from edge_agent.config.settings import RULE_KEYS, OutboxSettings, Settings
+from edge_agent.config.topic_table import DEFAULT_TOPICS, TopicRule
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "agent.md").read_text()
 

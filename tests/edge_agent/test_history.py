@@ -5,20 +5,20 @@ from __future__ import annotations
 import itertools
 import random  # noqa: TID251 - seeded
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channel, Channels
-from edge_agent.live import LiveQueue
-from edge_agent.metrics import topic_rates
+from edge_agent.config.topic_table import DEFAULT_TOPICS, TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.host_metrics import topic_rates
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from edge_agent.outbox import Kind
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import DEFAULT_TOPICS, TopicRule, TopicTable
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import Catalogue, add_schema_text, message_class, type_hash
 from metaros.limits import LIMITS, Limits
 from metaros.link import unpack_batch
 from tests.edge_agent.parts import accept, make_outbox, taken
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 KIND = "sensor_msgs/msg/Temperature"
 TABLE = TopicTable(
@@ -94,9 +94,13 @@ def test_what_is_held_at_a_restart_goes_on_under_its_number_as_history() -> None
     accept(rig.outbox)
 
     again = Rig(rig.disk, seed=2)
-    told = again.announced()[copy.channel_id]
-    assert (told.history, told.topic, getattr(told, "class")) == (True, "/kept", link_pb2.DELIVERY_CLASS_BULK)
-    assert told.schema
+    reported = again.announced()[copy.channel_id]
+    assert (reported.history, reported.topic, getattr(reported, "class")) == (
+        True,
+        "/kept",
+        link_pb2.DELIVERY_CLASS_BULK,
+    )
+    assert reported.schema
     live = again.channel()
     assert live.copy is not None
     assert live.copy.channel_id == copy.channel_id
@@ -134,13 +138,13 @@ def test_people_see_one_topic() -> None:
     assert list(rig.channels) == [live, plain]
     assert len(rig.channels) == 3
     assert [row.topic for row in topic_rates(rig.channels, {})] == ["/kept", "/plain"]
-    told = rig.announced()
-    assert [(told[number].history, told[number].history_rate_hz) for number in (1, 2, 3)] == [
+    reported = rig.announced()
+    assert [(reported[number].history, reported[number].history_rate_hz) for number in (1, 2, 3)] == [
         (False, 2.0),
         (True, 0.0),
         (False, 0.0),
     ]
-    assert (copy.channel_id, told[2].max_rate_hz, copy.metrics) == (2, 2.0, None)
+    assert (copy.channel_id, reported[2].max_rate_hz, copy.metrics) == (2, 2.0, None)
     assert live.metrics is not None
 
 
@@ -154,7 +158,7 @@ def test_a_topic_that_becomes_bulk_needs_no_copy_any_more() -> None:
     assert copy.channel_id != bulk.channel_id
 
 
-def test_what_becomes_known_of_the_topic_is_told_of_its_copy() -> None:
+def test_what_becomes_known_of_the_topic_is_reported_of_its_copy() -> None:
     outbox = make_outbox()
     channels = Channels(TopicTable([TopicRule(match="**", history_hz=1)]), outbox.ids, namespace="/")
     live = channels.observe("/thing", "acme_msgs/msg/Thing", "RIHS01_00", qos="", keeps_all=False)
@@ -165,7 +169,7 @@ def test_what_becomes_known_of_the_topic_is_told_of_its_copy() -> None:
     channels.learn(live, catalogue)
     channels.observe("/thing", "acme_msgs/msg/Thing", "RIHS01_00", qos="::,7:,:,:,,", keeps_all=False)
     (announce,) = channels.announcements(before)
-    assert [(told.history, told.qos, bool(told.schema)) for told in announce.channels] == [
+    assert [(reported.history, reported.qos, bool(reported.schema)) for reported in announce.channels] == [
         (False, "::,7:,:,:,,", True),
         (True, "::,7:,:,:,,", True),
     ]

@@ -11,22 +11,22 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import metaros
-from edge_agent.config import OutboxSettings, Settings
+from edge_agent.config.settings import OutboxSettings, Settings
 from edge_agent.main import run_agent
 from edge_agent.outbox import OsDisk, Outbox
-from edge_agent.state_dir import locked
+from edge_agent.state.state_dir import locked
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.link import CHANNEL_MASK
 from tests.edge_agent.conftest import Rig, Robot
-from tests.support.command_line import call_metaros
-from tests.support.fake_gateway import FakeGateway
+from tests.support.gateways.fake_gateway import FakeGateway
 from tests.support.ports import free_port
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until, wait_until_async
 
 COMMAND = (
-    "import typer; from edge_agent.cli import register; app = typer.Typer(); app.callback()(lambda: None); "
+    "import typer; from edge_agent.cli.agent import register; app = typer.Typer(); app.callback()(lambda: None); "
     "register(app); app()"
 )
 
@@ -80,8 +80,8 @@ async def test_what_was_gathered_is_flushed_at_the_end(
         await asyncio.to_thread(lambda: [publisher.publish(String(data=str(number))) for number in range(50)])
 
         def seen() -> bool:
-            told = rig.half.statistics[-1].topics if rig.half.statistics else ()
-            return any(rate.channel_id == channel.channel_id and rate.messages == 50 for rate in told)
+            reported = rig.half.statistics[-1].topics if rig.half.statistics else ()
+            return any(rate.channel_id == channel.channel_id and rate.messages == 50 for rate in reported)
 
         await wait_until_async(seen)
     finally:

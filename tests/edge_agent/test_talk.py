@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from edge_agent.commands.talk_watchdog import TALK_TYPE, TalkGuard
 from edge_agent.errors import PacketError, TalkOffError
-from edge_agent.talk_guard import TALK_TYPE, TalkGuard
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock, SystemClock
@@ -44,7 +44,7 @@ def say(rig: Rig, seq: int, *, lease: str = "T", age_s: float = 0.0, payload: by
     rig.gateway.say(link_pb2.GatewayFrame(talk=talk))
 
 
-async def until_heard(rig: Rig, heard: list[bytes], seqs: Iterator[int], *, lease: str = "T") -> None:
+async def until_received(rig: Rig, heard: list[bytes], seqs: Iterator[int], *, lease: str = "T") -> None:
     """As a voice does: what a busy machine delivers late is too old to be played."""
     count = len([sound for sound in heard if sound])
     await wait_until_async(
@@ -66,17 +66,17 @@ async def test_speech_needs_its_own_lease_and_ends_with_silence(agent: Rig, hear
     assert (await agent.result(drive)).ok
     say(agent, next(seqs), lease="D")  # who drives may not talk for that
     assert (await agent.result(grant(agent))).ok
-    await until_heard(agent, heard, seqs)
+    await until_received(agent, heard, seqs)
     assert heard[0] == WORD
     await wait_until_async(lambda: heard[-1] == b"")  # no packet came any more
-    await until_heard(agent, heard, seqs)
+    await until_received(agent, heard, seqs)
     release = agent.command(release_talk=link_pb2.ReleaseLease(lease_id="T"))
     assert (await agent.result(release)).ok
     await wait_until_async(lambda: heard[-1] == b"")
     count = len(heard)
     say(agent, next(seqs))
     assert (await agent.result(grant(agent, "U"))).ok  # it came after what was said without a lease
-    await until_heard(agent, heard, itertools.count(1), lease="U")
+    await until_received(agent, heard, itertools.count(1), lease="U")
     assert heard[count] == WORD
     assert heard.count(WORD) <= count + 5
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channel, Channels
-from edge_agent.live import LiveQueue
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from metaros.cdr import codec
 from metaros.idl import message_class, type_hash
 from metaros.link import BACKFILL_BIT

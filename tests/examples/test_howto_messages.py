@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.examples.test_examples import ROOT
-from tests.support.processes import END_S, started
+from tests.support.processes.processes import END_S, started
 
 
 @pytest.mark.parametrize("page", ["custom_messages", "images_audio_points"])

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tests.support.ports import free_port
-from tests.support.processes import END_S, started
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,14 +12,14 @@ import pytest
 import metaros
 from metaros import convert
 from metaros.cdr import codec
-from metaros.cli.topic_find import find_topic
+from metaros.cli.shared.topic_lookup import find_topic
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from tests.examples.test_examples import ROOT, running
-from tests.support.processes import END_S, started
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 
-def test_custom_message_is_heard_and_others_learn_its_type(zenoh_router: str, tmp_path: Path) -> None:
+def test_custom_message_is_received_and_others_learn_its_type(zenoh_router: str, tmp_path: Path) -> None:
     log = tmp_path / "log"
     with running(["examples/custom_message.py"], zenoh_router.rsplit(":", 1)[1], log):
         wait_until(lambda: "A1: 7.5 V in 2 cells, TRICKLE, hottest 21.5 of (2, 3)" in log.read_text(), timeout_s=60)

@@ -13,8 +13,8 @@ import click
 import typer
 
 from tests.examples.test_examples import ROOT
-from tests.support.command_line import run_metaros
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import run_metaros
+from tests.support.processes.processes import END_S, started
 
 
 def test_record_and_play(zenoh_router: str, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.support.processes import END_S, started
+from tests.support.processes.processes import END_S, started
 
 ROOT = Path(__file__).resolve().parents[2]
 

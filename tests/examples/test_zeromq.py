@@ -18,7 +18,7 @@ def test_everybody_hears_either_talker(zenoh_router: str, tmp_path: Path) -> Non
     def log(name: str) -> Path:
         return tmp_path / f"{name}.log"
 
-    def heard(name: str) -> int:
+    def received(name: str) -> int:
         return log(name).read_text().count("Hello World")
 
     def example(name: str, *options: str) -> None:
@@ -31,7 +31,9 @@ def test_everybody_hears_either_talker(zenoh_router: str, tmp_path: Path) -> Non
             example(name)
         example("zeromq_subscriber.py", "--port", xpub)
         with running(["examples/talker.py"], zenoh, log("talker.py")):
-            wait_until(lambda: all(heard(name) for name in (*ROS_EARS, "zeromq_subscriber.py")))
-        before = {name: heard(name) for name in ROS_EARS}  # all that the talker has said has come by now, or will not
+            wait_until(lambda: all(received(name) for name in (*ROS_EARS, "zeromq_subscriber.py")))
+        before = {
+            name: received(name) for name in ROS_EARS
+        }  # all that the talker has said has come by now, or will not
         example("zeromq_publisher.py", "--port", xsub)
-        wait_until(lambda: all(heard(name) > before[name] + 1 for name in ROS_EARS))
+        wait_until(lambda: all(received(name) > before[name] + 1 for name in ROS_EARS))

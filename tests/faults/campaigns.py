@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from load_tests.campaign import main
-from tests.support.netns import why_not
+from load_tests.campaigns.__main__ import main
+from tests.support.processes.netns import why_not
 
 __all__ = ["run_campaign", "skip_without_faketime", "skip_without_namespaces"]
 
@@ -20,14 +20,14 @@ def run_campaign(name: str, *options: str) -> str:
 
     In this process: robots and gateways come from the worker's fork server, which has imported everything once.
     """
-    told = io.StringIO()
+    reported = io.StringIO()
     try:
-        with contextlib.redirect_stdout(told):
+        with contextlib.redirect_stdout(reported):
             code = main([name, *options])
     finally:
-        print(told.getvalue())
-    assert code == 0, told.getvalue()
-    return told.getvalue()
+        print(reported.getvalue())
+    assert code == 0, reported.getvalue()
+    return reported.getvalue()
 
 
 def skip_without_namespaces() -> None:

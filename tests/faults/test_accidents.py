@@ -17,9 +17,9 @@ import pytest
 from metaros.interfaces.std_msgs.msg import UInt64
 from metaros.node import Context, Node
 from tests.faults.campaigns import skip_without_faketime
-from tests.support.checker import check
-from tests.support.load_robot_stack import LoadStack
-from tests.support.stack import Program, Stack
+from tests.support.processes.stack import Program, Stack
+from tests.support.robots.checker import check
+from tests.support.robots.load_robot_stack import LoadStack
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.integration

@@ -22,13 +22,13 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader as RosReader
 
-from metaros.cli.gateway_http import GatewayClient
+from metaros.cli.shared.gateway_http import GatewayClient
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.interfaces.std_msgs.msg import String, UInt64
 from metaros.node import Context, Node
 from metaros.wire.qos import qos_reliable_all
-from tests.support.cutting_proxy import CuttingProxy
-from tests.support.stack import Program, Stack
+from tests.support.processes.stack import Program, Stack
+from tests.support.servers.cutting_proxy import CuttingProxy
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.integration

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from metaros.cli.gateway_http import GatewayClient
+from metaros.cli.shared.gateway_http import GatewayClient
 from metaros.interfaces.std_msgs.msg import String
 from metaros.node import Context, Node
 from metaros.record import Recorder, open_bag
-from tests.support.cutting_proxy import CuttingProxy
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
+from tests.support.servers.cutting_proxy import CuttingProxy
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.integration

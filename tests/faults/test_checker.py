@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.checker import Stored, StoredBatch, Verdict, check
-from tests.support.load_robot_samples import LOST, Counters, Entry, Journal, number_of, payload
+from tests.support.robots.checker import Stored, StoredBatch, Verdict, check
+from tests.support.robots.load_robot_samples import LOST, Counters, Entry, Journal, number_of, payload
 
 EPOCH, BULK, METRIC = 7, 1, 0
 KEY = (EPOCH, BULK)

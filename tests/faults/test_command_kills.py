@@ -18,8 +18,8 @@ import pytest
 
 import metaros
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
-from tests.support.plain_http import TRUSTS_NOBODY
-from tests.support.stack import Program, Stack
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.processes.stack import Program, Stack
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]

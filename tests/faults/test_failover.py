@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from tests.faults.campaigns import skip_without_namespaces
-from tests.support.failover_world import Life, lives_in, overlaps
-from tests.support.netns import INSIDE
-from tests.support.processes import started
+from tests.support.processes.netns import INSIDE
+from tests.support.processes.processes import started
+from tests.support.robots.failover_testbed import Life, lives_in, overlaps
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN = ("--pid", "--mount-proc")  # its processes, also the supervisors, which outlive their agents, end with it
@@ -26,9 +26,17 @@ def libfaketime() -> str:
 
 @pytest.mark.integration
 @pytest.mark.timeout(600)
-def test_it_runs_elsewhere_soon_and_never_twice(tmp_path: Path) -> None:
+def test_it_runs_remote_soon_and_never_twice(tmp_path: Path) -> None:
     skip_without_namespaces()
-    command = [*INSIDE, *OWN, sys.executable, "-m", "tests.support.failover_world", str(tmp_path), libfaketime()]
+    command = [
+        *INSIDE,
+        *OWN,
+        sys.executable,
+        "-m",
+        "tests.support.robots.failover_testbed",
+        str(tmp_path),
+        libfaketime(),
+    ]
     with started(command, stderr=subprocess.STDOUT, cwd=ROOT) as process:
         output, _ = process.communicate(timeout=580)
     print(output)

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from load_tests.campaign_partitions import KINDS
+from load_tests.campaigns.partitions import KINDS
 from tests.faults.campaigns import run_campaign, skip_without_namespaces
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.load_robot_stack import LoadStack
+from tests.support.robots.load_robot_stack import LoadStack
 from tests.support.waiting import wait_until
 
 QUOTA = 800  # a second, where the robot makes about 2,300
@@ -21,9 +21,9 @@ def test_a_robot_over_its_quota_loses_nothing_and_keeps_its_session(tmp_path: Pa
         stack.start("gateway")
         stack.start("robot")
         stack.wait_online()
-        wait_until(lambda: told(stack)["counts"]["put_off"] >= 2)  # what waits then is drained at the quota's pace
+        wait_until(lambda: reported(stack)["counts"]["put_off"] >= 2)  # what waits then is drained at the quota's pace
         wait_until(lambda: stack.counters["bulk"] >= 2 * QUOTA)
-        link = told(stack)["link"]
+        link = reported(stack)["link"]
         verdict = stack.check()
     assert verdict.good, verdict.problems
     assert (verdict.declared, verdict.rows) == (0, verdict.accepted)
@@ -31,7 +31,7 @@ def test_a_robot_over_its_quota_loses_nothing_and_keeps_its_session(tmp_path: Pa
     assert link["reconnects"] == 0, "it is told to wait, not thrown out"
 
 
-def told(stack: LoadStack) -> dict[str, Any]:
+def reported(stack: LoadStack) -> dict[str, Any]:
     """The robot as the gateway shows it."""
     url = f"http://127.0.0.1:{stack.gateway_config.http_port}/api/v1/robots/robot"
     with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=30) as answer:

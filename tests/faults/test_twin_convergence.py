@@ -1,6 +1,6 @@
 """Whatever people edit at once, however links break and whoever is killed: every robot ends at what is desired.
 
-Both ends are the real ones (`tests.support.twin_world`); what is to be is worked out by a model.
+Both ends are the real ones (`tests.support.robots.twin_testbed`); what is to be is worked out by a model.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from tests.support.hurried import SPEED, HurriedLoop
-from tests.support.twin_edits import Edits
+from tests.support.processes.fast_loop import SPEED, HurriedLoop
+from tests.support.robots.twin_edits import Edits
 
 SEEDS = st.integers(0, 2**32 - 1)
 

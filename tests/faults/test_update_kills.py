@@ -17,9 +17,9 @@ import pytest
 
 from edge_agent.update.slots import Slots, python_of
 from metaros.clock import SystemClock
-from tests.support.processes import END_S, started
-from tests.support.tuf_repository import Served, TufRepository, make_bundle, make_wheel, serve, utc
-from tests.support.tuf_robot import OLD, fill_slot
+from tests.support.processes.processes import END_S, started
+from tests.support.robots.tuf_robot import OLD, fill_slot
+from tests.support.servers.tuf_repository import Served, TufRepository, make_bundle, make_wheel, serve, utc
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")]
@@ -28,7 +28,7 @@ STEPS = ("downloading", "verified", "emptied", "unpacked", "installed", "sealed"
 PROGRAM = """
 import os, random, ssl, sys, traceback
 from pathlib import Path
-from edge_agent.update.handover import Loaded
+from edge_agent.update.restart import LoaderInfo
 from edge_agent.update.slots import Slots
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
@@ -37,9 +37,9 @@ state, url = Path(sys.argv[1]), sys.argv[2]
 def update(kill_at):
     source = Source(state / "update", url, ssl.create_default_context, SystemClock())
     source.folder.mkdir(parents=True, exist_ok=True)
-    loaded = Loaded(loader=("x",))
+    loaded = LoaderInfo(loader=("x",))
     updates = AgentUpdates(
-        Slots(state), source, SystemClock(), random.Random(1), loaded=loaded, running="2.0.0", restart=print
+        Slots(state), source, SystemClock(), random.Random(1), loader_info=loaded, running="2.0.0", restart=print
     )
     def step(name):
         if name == kill_at:
@@ -101,7 +101,7 @@ def old_runs(state: Path) -> Slots:
     """2.0.0 was kept."""
     slots = Slots(state)
     slots.switch(fill_slot(slots, "a", OLD), OLD)
-    slots.keep()
+    slots.mark_good()
     return slots
 
 

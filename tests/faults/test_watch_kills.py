@@ -8,21 +8,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from gateway.anomaly.bank import Learned
-from gateway.anomaly.judgement import Judge
+from gateway.alerting.anomaly.detectors.bank import Learned
+from gateway.alerting.anomaly.evaluator import Evaluator
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.entries import Cycle
+from gateway.alerting.watch.evaluation import EvaluationThread
+from gateway.alerting.watch.intake import Intake
+from gateway.alerting.watch.state_machine import StateMachine
+from gateway.alerting.watch.watch_files import WatchFiles
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
-from gateway.store.query import read_metric_marks, read_series
-from gateway.store.series import read_range
-from gateway.watch.bands import Bands
-from gateway.watch.entries import Turn
-from gateway.watch.intake import Intake
-from gateway.watch.keeper import Keeper
-from gateway.watch.mind import Mind
-from gateway.watch.turns import Turns
+from gateway.store.telemetry.query import read_metric_marks, read_series
+from gateway.store.telemetry.series import read_range
 from metaros.clock import ManualClock
+from tests.support.gateways.wave_robot import SERIES, WaveStack
 from tests.support.waiting import wait_until
-from tests.support.wave_robot import SERIES, WaveStack
 
 KILLS = 2
 TURNS = 10  # until all is judged: of a robot a turn judges five minutes at most
@@ -45,34 +45,34 @@ def stored_rows(engine: StoreEngine) -> list[Row]:
     return sorted(rows)
 
 
-def restored(folder: Path, engine: StoreEngine, now_s: float) -> Mind:
+def restored(folder: Path, engine: StoreEngine, now_s: float) -> StateMachine:
     """The judge as the next gateway on this directory has it, after its first turn."""
-    keeper = Keeper(folder)
-    keeper.begin()
-    intake = Intake(keeper)
-    turns = Turns(intake, Bands(), clock=ManualClock())
-    marks = turns.restore(read_metric_marks(engine))
+    files = WatchFiles(folder)
+    files.begin()
+    intake = Intake(files)
+    evaluation = EvaluationThread(intake, Bands(), clock=ManualClock())
+    marks = evaluation.restore(read_metric_marks(engine))
     for _ in range(TURNS):
-        turns.turn(Turn(now_s=now_s, marks=marks, facts=[]))
+        evaluation.run_cycle(Cycle(now_s=now_s, marks=marks, facts=[]))
         marks = {}
     intake.close()
-    return turns.mind
+    return evaluation.state_machine
 
 
-def uninterrupted(rows: list[Row], now_s: float) -> Mind:
+def uninterrupted(rows: list[Row], now_s: float) -> StateMachine:
     """A judge that was given the stored rows at a stretch, cut as it comes."""
-    mind, rng = Mind(), np.random.default_rng(1)  # how rows are cut must not matter
+    state_machine, rng = StateMachine(), np.random.default_rng(1)  # how rows are cut must not matter
     position = 0
     while position < len(rows):
         some = rows[position : position + int(rng.integers(1, 3000))]
         position += len(some)
-        slots = np.array([mind.judge.slot(ROBOT, series, topic=topic) for _, series, topic, _ in some])
+        slots = np.array([state_machine.evaluator.slot(ROBOT, series, topic=topic) for _, series, topic, _ in some])
         stamps_s = np.array([stamp_ns for stamp_ns, *_ in some]) / 1e9
-        mind.judge.samples(slots, stamps_s, np.array([value for *_, value in some]))
-        mind.judge.tick(now_s)
+        state_machine.evaluator.samples(slots, stamps_s, np.array([value for *_, value in some]))
+        state_machine.evaluator.tick(now_s)
     for _ in range(TURNS):
-        mind.judge.tick(now_s)
-    return mind
+        state_machine.evaluator.tick(now_s)
+    return state_machine
 
 
 class State(NamedTuple):
@@ -85,19 +85,19 @@ class State(NamedTuple):
     flat: tuple[bytes, ...]
 
 
-def known(mind: Mind) -> dict[str, State]:
+def known(state_machine: StateMachine) -> dict[str, State]:
     """What a judge says of each series."""
-    judge = mind.judge
+    evaluator = state_machine.evaluator
     return {
-        name: State(judge.score(slot), judge.band(slot), judge.learned(slot), *state_of(judge, slot))
-        for name, slot in judge.series(ROBOT)
+        name: State(evaluator.score(slot), evaluator.band(slot), evaluator.learned(slot), *state_of(evaluator, slot))
+        for name, slot in evaluator.series(ROBOT)
         if not name.startswith("topic_rates.")
     }
 
 
-def state_of(judge: Judge, slot: int) -> tuple[bytes, tuple[bytes, ...]]:
+def state_of(evaluator: Evaluator, slot: int) -> tuple[bytes, tuple[bytes, ...]]:
     """What the novelties and the search for frozen values hold of a series."""
-    detectors = judge._detectors
+    detectors = evaluator._detectors
     novelties = detectors.novelties
     bank = novelties.bank.dump([int(novelties.columns["bank"][slot])])
     return bank, tuple(array[slot].tobytes() for array in detectors.flat.columns.dump().values())

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import ObjectStore, open_objects
-from tests.support.seaweed import ACCESS_KEY, BUCKET, SECRET_KEY, SeaweedServer
+from gateway.store.objects import ObjectStore, open_objects
+from tests.support.servers.seaweed import ACCESS_KEY, BUCKET, SECRET_KEY, SeaweedServer
 
 STORES = ("directory", pytest.param("s3", marks=pytest.mark.integration))
 

@@ -18,19 +18,19 @@ from argon2 import PasswordHasher
 from websockets.asyncio.client import ClientConnection, connect
 
 from gateway.domain.principal import Role
-from gateway.identity.door import Door
+from gateway.identity.authenticator import Authenticator
 from gateway.identity.passwords import Passwords
 from gateway.main import Ready, serve
-from gateway.private_dir import make_private
 from gateway.settings import Settings
+from gateway.store.private_dir import make_private
 from gateway.store.sqlite import DATABASE, SqliteEngine
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import Clock, SystemClock
 from metaros.idl import schema_text, type_hash
 from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
-from tests.support.key_ring import KeyRing, bearer
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.memory_authenticator import KeyRing, bearer
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
 
 LANE_OPTIONS = (("grpc.use_local_subchannel_pool", 1), ("grpc.enable_retries", 0))  # as agents have them
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
@@ -42,10 +42,10 @@ OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 
 @asynccontextmanager
 async def running_gateway(
-    folder: Path, *, door: Door | None = None, clock: Clock | None = None, **settings: Any
+    folder: Path, *, authenticator: Authenticator | None = None, clock: Clock | None = None, **settings: Any
 ) -> AsyncIterator[Ready]:
-    """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`, and hashes
-    passwords in no time.
+    """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `authenticator`,
+    and hashes passwords in no time.
     """
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
     chosen = Settings(
@@ -62,7 +62,9 @@ async def running_gateway(
     if not chosen.data_dir.exists() and not chosen.store_url:
         (make_private(chosen.data_dir) / DATABASE).write_bytes(_empty_store())
     passwords = Passwords(hasher=QUICK)
-    serving = serve(chosen, stop, clock=clock, on_ready=up.set_result, door=door or RING, passwords=passwords)
+    serving = serve(
+        chosen, stop, clock=clock, on_ready=up.set_result, authenticator=authenticator or RING, passwords=passwords
+    )
     task = asyncio.create_task(serving)
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:

@@ -1,4 +1,4 @@
-"""A scripted robot that lives by its twin and does what its nodes are told: for tests of nodes from afar."""
+"""A scripted robot that lives by its twin and does what its nodes are told: for tests of nodes of remote robots."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from metaros._proto import link_pb2
-from metaros.twin import digest
+from metaros.fleet.twin import digest
 from tests.gateway.harness import CONTROL, ScriptedAgent
 
 __all__ = ["Answer", "NodeRobot", "node_robot", "obey"]

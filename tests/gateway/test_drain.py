@@ -25,7 +25,7 @@ async def ending_gateway(folder: Path, **settings: Any) -> AsyncIterator[tuple[R
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
     free = {"port": 0, "grpc_port": 0, "api_grpc_port": 0, "foxglove_port": 0, "rosbridge_port": 0}
     task = asyncio.create_task(
-        serve(Settings(**{**free, "data_dir": folder, **settings}), stop, on_ready=up.set_result, door=RING)
+        serve(Settings(**{**free, "data_dir": folder, **settings}), stop, on_ready=up.set_result, authenticator=RING)
     )
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:

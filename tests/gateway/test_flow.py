@@ -35,7 +35,7 @@ from tests.gateway.harness import (
     running_gateway,
     say,
 )
-from tests.support.leaping import LeapingClock
+from tests.support.processes.clock_jump import LeapingClock
 
 shared = pytest.mark.asyncio(loop_scope="module")
 CLOCK = LeapingClock()
@@ -252,7 +252,7 @@ async def test_publish_and_service_call(
         refused = await post
         assert (refused.status_code, refused.json()["code"]) == (503, "unavailable")
 
-        monkeypatch.setattr("gateway.fleet.commands.TRAVEL_S", 0.05)
+        monkeypatch.setattr("gateway.fleet.command_dispatcher.TRAVEL_S", 0.05)
         late = await http.post(f"/api/v1/robots/{robot}/services/call", json={**call, "timeout_s": 0.05})
         assert (late.status_code, late.json()["code"]) == (504, "timeout")
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gateway.choices import function_choices
-from gateway.ports import listen
+from gateway.server.ports import listen
 from gateway.settings import Settings
+from gateway.wiring.options import function_choices
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
 

@@ -23,9 +23,9 @@ from tests.gateway.harness import (
     client,
     running_gateway,
 )
-from tests.support.gateway_process import running
-from tests.support.postgres import PostgresServer
-from tests.support.processes import END_S
+from tests.support.gateways.gateway_process import running
+from tests.support.processes.processes import END_S
+from tests.support.servers.postgres import PostgresServer
 
 BULK = channel(7, "/sim_1/scan", "std_msgs/msg/String")
 

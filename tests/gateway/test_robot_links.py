@@ -15,15 +15,15 @@ import pytest_asyncio
 from websockets.asyncio.client import connect
 
 from gateway.domain.principal import Role
-from gateway.identity.ca import issue_robot, key_pem, make_intermediate, make_root, pem
+from gateway.identity.certificates.ca import issue_robot, key_pem, make_intermediate, make_root, pem
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import SystemClock
 from tests.gateway.harness import CONTROL, client, running_gateway
-from tests.gateway.identity.desks import Held
+from tests.gateway.identity.identity_rig import Held
 from tests.gateway.identity.robot_keys import ask, new_key
-from tests.support.key_ring import KeyRing
-from tests.support.postgres import PostgresServer
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.servers.postgres import PostgresServer
 
 shared = pytest.mark.asyncio(loop_scope="module")
 FAR = {"X-Forwarded-For": "10.0.0.7"}
@@ -34,7 +34,7 @@ ADMIN = RING.add(role=Role.ADMIN, name="ada")
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def ready(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Ready]:
     """A gateway that the tests of this file share; its robots are their own."""
-    async with running_gateway(tmp_path_factory.mktemp("gateway"), door=RING) as ready:
+    async with running_gateway(tmp_path_factory.mktemp("gateway"), authenticator=RING) as ready:
         yield ready
 
 
@@ -175,8 +175,8 @@ async def test_a_live_link_is_cut_when_its_robot_is_revoked(ready: Ready) -> Non
 async def test_a_link_is_cut_that_was_revoked_at_another_gateway(tmp_path: Path, postgres: PostgresServer) -> None:
     url = postgres.schema()
     async with (
-        running_gateway(tmp_path / "a", door=RING, store_url=url) as one,
-        running_gateway(tmp_path / "b", door=RING, store_url=url) as two,
+        running_gateway(tmp_path / "a", authenticator=RING, store_url=url) as one,
+        running_gateway(tmp_path / "b", authenticator=RING, store_url=url) as two,
     ):
         held, _ = await enrolled(one)
         async with lane(two, "grpc") as opened:
@@ -194,7 +194,7 @@ async def test_a_nameless_link_ends_when_its_name_gets_an_identity(ready: Ready)
 
 
 async def test_who_must_be_enrolled(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, require_enrolment=True) as ready:
         held, _ = await enrolled(ready)
         async with lane(ready, "grpc") as opened:
             assert await greet(opened, bare("sim_1")) == "not_enrolled"
@@ -271,5 +271,5 @@ async def test_over_tls_the_certificate_says_who_it_is(tmp_path: Path) -> None:
 @asynccontextmanager
 async def tls_gateway(folder: Path) -> AsyncIterator[Ready]:
     """A gateway whose ports speak TLS."""
-    async with running_gateway(folder, door=RING, tls="on") as ready:
+    async with running_gateway(folder, authenticator=RING, tls="on") as ready:
         yield ready

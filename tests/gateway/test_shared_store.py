@@ -10,11 +10,11 @@ from gateway.settings import Settings
 from metaros._proto import link_pb2
 from metaros.errors import ConfigError
 from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, running_gateway
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 
 @pytest.mark.parametrize("ended", [True, False])
-async def test_an_agent_that_was_elsewhere_meanwhile_is_told_what_the_store_has(
+async def test_an_agent_that_was_remote_meanwhile_is_reported_what_the_store_has(
     tmp_path: Path, postgres: PostgresServer, ended: bool
 ) -> None:
     url = postgres.schema()

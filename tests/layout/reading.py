@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
+import subprocess
 from collections.abc import Iterator
 from importlib.machinery import SourceFileLoader
 from inspect import CO_OPTIMIZED
 from pathlib import Path
 from types import CodeType
 
-__all__ = ["PACKAGES", "ROOT", "functions", "may_be_longer", "sources"]
+__all__ = ["PACKAGES", "ROOT", "functions", "may_be_longer", "sources", "tracked"]
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("metaros", "edge_agent", "gateway")
@@ -23,6 +24,12 @@ def sources(*folders: str) -> list[Path]:
         for path in (ROOT / folder).rglob("*.py")
         if "_proto" not in path.parts and "node_modules" not in path.parts
     )
+
+
+def tracked() -> list[str]:
+    """Files git knows."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in listed.stdout.split("\0") if name]
 
 
 def may_be_longer(path: Path, lines: int) -> bool:

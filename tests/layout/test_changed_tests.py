@@ -17,17 +17,17 @@ def graph() -> Graph:
 
 
 def test_a_modules_own_test_comes_first_and_then_who_imports_it(graph: Graph) -> None:
-    ranked = rank(["metaros/rules/schedule.py"], graph)
-    assert ranked[0] == (0, "tests/metaros/rules/test_schedule.py")
+    ranked = rank(["metaros/automation/rules/schedule.py"], graph)
+    assert ranked[0] == (0, "tests/metaros/automation/rules/test_schedule.py")
     steps = {test: count for count, test in ranked}
-    assert steps["tests/gateway/rules/test_clockwork.py"] > 0
+    assert steps["tests/gateway/automation/rules/test_scheduler.py"] > 0
     assert "tests/metaros/cdr/test_codec.py" not in steps
     assert max(steps.values()) <= FURTHEST
 
 
 def test_a_helper_of_tests_brings_the_tests_that_use_it(graph: Graph) -> None:
-    found = {test for _, test in rank(["tests/support/seaweed.py"], graph)}
-    assert "tests/gateway/objects/test_s3.py" in found
+    found = {test for _, test in rank(["tests/support/servers/seaweed.py"], graph)}
+    assert "tests/gateway/store/objects/test_s3.py" in found
 
 
 def test_what_is_no_python_brings_the_folder_that_looks_after_it(graph: Graph) -> None:
@@ -43,7 +43,7 @@ def test_every_product_module_has_a_test_within_reach(graph: Graph) -> None:
         path = module.replace(".", "/")
         return len(rank([f"{path}.py"], graph)) > len(ALWAYS) or len(rank([f"{path}/__init__.py"], graph)) > len(ALWAYS)
 
-    small = [name for name in graph.importers if name.startswith(("gateway.anomaly.", "edge_agent.outbox."))]
+    small = [name for name in graph.importers if name.startswith(("gateway.alerting.anomaly.", "edge_agent.outbox."))]
     assert len(small) > 20
     assert [name for name in sorted(small) if not reached(name)] == []
 

@@ -120,6 +120,12 @@ def test_text_from_robots_is_never_markup() -> None:
     assert [str(path) for path in (DASHBOARD / "src").rglob("*.ts*") if markup.search(path.read_text())] == []
 
 
+def test_what_is_packed_together_is_where_the_bundler_is_reported() -> None:
+    named = re.findall(r'"(src/[^"]+\.tsx?)",', (DASHBOARD / "vite.config.ts").read_text())
+    assert len(named) > 30
+    assert [name for name in named if not (DASHBOARD / name).is_file()] == []
+
+
 def test_modules_are_small() -> None:
     over = {path.name: n for path in (DASHBOARD / "src").rglob("*.ts*") if (n := path.read_text().count("\n")) > 250}
     over.pop("schema.ts", None)  # tools/gen_ts_client.py writes it

@@ -31,11 +31,11 @@ def test_every_error_code_is_documented() -> None:
     import edge_agent.errors
     import edge_agent.update.errors
     import gateway.errors
-    import gateway.fleet.rollout_errors
+    import gateway.fleet.rollouts.errors
+    import gateway.fleet.updates.errors
     import gateway.identity.errors
-    import gateway.updates.errors
-    import metaros.bundle
     import metaros.errors
+    import metaros.fleet.bundle
 
     codes = {
         value.code
@@ -45,9 +45,9 @@ def test_every_error_code_is_documented() -> None:
             edge_agent.update.errors,
             gateway.errors,
             gateway.identity.errors,
-            gateway.fleet.rollout_errors,
-            gateway.updates.errors,
-            metaros.bundle,
+            gateway.fleet.rollouts.errors,
+            gateway.fleet.updates.errors,
+            metaros.fleet.bundle,
         )
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Exception) and hasattr(value, "code")
@@ -89,6 +89,15 @@ def test_every_route_is_documented(tmp_path: Path) -> None:
     assert [path for path in route_paths() if f"`{path}`" not in text and path not in text] == []
 
 
+def test_where_is_what_has_forty_answers_of_one_link_each() -> None:
+    page = ROOT / "docs" / "topics" / "architecture.md"
+    table = page.read_text().partition("## Where is what")[2]
+    answers = re.findall(r"^\| [^|]+\? \| \[[^]]+\]\(([^)]+)\) \|$", table, re.MULTILINE)
+    assert len(answers) >= 40
+    assert len(answers) == len(set(answers)) == len(re.findall(r"^\| [^|*]+\? ", table, re.MULTILINE))
+    assert [link for link in answers if not (page.parent / link).is_file()] == []
+
+
 def test_links_between_pages_lead_somewhere() -> None:
     broken = []
     for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
@@ -107,7 +116,7 @@ def test_python_snippets_compile(page: str) -> None:
 
 
 def test_every_key_of_a_launch_table_is_documented() -> None:
-    from metaros.supervise.table import NODE_KEYS, RESTART_KEYS, TABLE_KEYS
+    from metaros.supervise.launch_table import NODE_KEYS, RESTART_KEYS, TABLE_KEYS
 
     text = reference("launch.md")
     assert [key for key in (*TABLE_KEYS, *NODE_KEYS, *RESTART_KEYS) if f"| `{key}` |" not in text] == []

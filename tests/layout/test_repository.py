@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def tracked() -> list[str]:
-    """Files git knows."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
-    return [name for name in listed.stdout.split("\0") if name]
+from tests.layout.reading import ROOT, tracked
 
 
 def test_lock_has_hashes_and_no_urls() -> None:

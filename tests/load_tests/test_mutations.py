@@ -66,7 +66,7 @@ def test_a_file_that_somebody_changed_is_refused(tree: Path) -> None:
 
 
 @pytest.mark.parametrize("source", [SOURCE * 2, "def fits(a, b):\n    return b > a\n"])
-def test_code_that_has_moved_on_is_told(tree: Path, source: str) -> None:
+def test_code_that_has_moved_on_is_reported(tree: Path, source: str) -> None:
     (tree / "bound.py").write_text(source)
     with pytest.raises(TreeError, match="moved on"):
         line_of(FAULT, tree)
@@ -80,11 +80,11 @@ def test_a_fault_is_reached_where_its_statement_is(tree: Path) -> None:
 
 def test_the_nearest_tests_are_a_modules_own() -> None:
     ranks = [
-        mirror_rank("gateway/queue/backoff.py", test)
+        mirror_rank("gateway/automation/queue/backoff.py", test)
         for test in (
-            "tests/gateway/queue/test_backoff.py",
-            "tests/gateway/queue/test_accept.py",
-            "tests/e2e/test_up.py",
+            "tests/gateway/automation/queue/test_backoff.py",
+            "tests/gateway/automation/queue/test_accept.py",
+            "tests/e2e/app/test_up.py",
         )
     ]
     assert ranks == [0, 1, 2]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from load_tests.__main__ import BENCHMARKS, main
+from load_tests.__main__ import BENCHMARKS, main, module_of
 from load_tests.figures import gathered, note, read_runs
 from load_tests.goals import GOALS
 from load_tests.summary import PAGE, as_markdown, lines, print_summary, written
@@ -101,7 +101,7 @@ def test_every_command_of_the_page_is_understood(command: str, monkeypatch: pyte
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parsed)
     with pytest.raises(Parsed):
-        importlib.import_module(f"load_tests.bench_{name}").main(options)
+        importlib.import_module(module_of(name)).main(options)
 
 
 def test_the_summary_runs_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 LIGHT = """
 import sys
@@ -31,7 +31,7 @@ def test_a_light_node_loads_nothing_heavy() -> None:
 
 
 def test_a_module_is_imported_with_its_first_attribute() -> None:
-    later = Later("fractions")
+    later = LazyModule("fractions")
     assert "when needed" in repr(later)
     assert later.Fraction(1, 2) == 0.5
     assert "Fraction" in vars(later)

@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { ApiKey, AuditProof, AuditRow, EnrolmentToken, RobotIdentity } from "../api/admin";
 import { agoText, keyLife, patternsOf, robotsWords, rolesUpTo, userNameProblem, waysIn } from "./accounts";
+import { ACTS } from "./audit_acts";
 import { actWords, outcomeOf, proofWords, whoWords, withNewer } from "./audit_words";
 import { alarmed, certificateWords, commandFor, countdown, currentCertificate, GRACE_MS, inOrder, tokenStanding } from "./certificates";
 
@@ -20,22 +21,22 @@ test.each([
   [-2.5, "due", "renewal is due", "ends in 12\u202fh unless the robot comes"],
   [-4, "grace", "expired, in grace", "the robot renews it by itself if it comes back within 29\u202fd"],
   [-40, "over", "expired", "37\u202fd ago: enrol it again"],
-])("a certificate of three days, issued %s d from now, is %s", (issued, standing, word, note) => {
-  expect(certificateWords(identity(issued), NOW)).toEqual({ standing, word, note });
+])("a certificate of three days, issued %s d from now, is %s", (issued, status, word, note) => {
+  expect(certificateWords(identity(issued), NOW)).toEqual({ status, word, note });
 });
 
 test("the moments between the states belong to the later one", () => {
   const one = identity(0);
   const end = Date.parse(at(3));
-  const standing = (ms: number) => certificateWords(one, ms).standing;
-  expect([standing(NOW + 2 * DAY_MS - 1), standing(NOW + 2 * DAY_MS)]).toEqual(["good", "due"]);
-  expect([standing(end - 1), standing(end)]).toEqual(["due", "grace"]);
-  expect([standing(end + GRACE_MS - 1), standing(end + GRACE_MS)]).toEqual(["grace", "over"]);
+  const status = (ms: number) => certificateWords(one, ms).status;
+  expect([status(NOW + 2 * DAY_MS - 1), status(NOW + 2 * DAY_MS)]).toEqual(["good", "due"]);
+  expect([status(end - 1), status(end)]).toEqual(["due", "grace"]);
+  expect([status(end + GRACE_MS - 1), status(end + GRACE_MS)]).toEqual(["grace", "over"]);
 });
 
 test("a revoked identity says when and why, whatever its certificate says", () => {
   const gone = identity(0, { state: "revoked", revoked: at(-0.125), reason: "lost on the way" });
-  expect(certificateWords(gone, NOW)).toEqual({ standing: "revoked", word: "revoked", note: "3\u202fh ago: lost on the way" });
+  expect(certificateWords(gone, NOW)).toEqual({ status: "revoked", word: "revoked", note: "3\u202fh ago: lost on the way" });
 });
 
 test("the certificate that counts ends last and is not revoked", () => {
@@ -106,16 +107,44 @@ test.each([
   ["POST", "/api/v1/robots/arm_1/revoke", "revoked the identity of arm_1"],
   ["SOCKET", "/api/v1/robots/arm_1/teleop", "took the controls of arm_1"],
   ["POST", "/api/v1/enrol/challenge", "began to renew a certificate"],
-  ["CLI", "metaros user create ada", "metaros user create ada"],
+  ["POST", "/api/v1/auth/tickets", "made a ticket for a viewer"],
+  ["POST", "/api/v1/robots/arm_1/services/call", "called a service of arm_1"],
+  ["POST", "/api/v1/robots/arm_1/actions//arm_1/dock", "began action /arm_1/dock of arm_1"],
+  ["POST", "/api/v1/robots/arm_1/nodes/lidar/restart", "told node lidar of arm_1 to restart"],
+  ["DELETE", "/lambda/2015-03-31/functions/f", "called the Lambda API"],
+  ["GRPC", "/metaros.v1.FleetService/SendCommand arm_1", "sent a command by gRPC, on arm_1"],
+  ["GRPC", "/metaros.v1.AlertService/EndSilence", "ended a silence by gRPC"],
+  ["SOCKET", "/rosbridge/arm_1", "opened a connection by rosbridge to arm_1"],
+  ["CLI", "ada", "changed users: ada"],
   ["DELETE", "/api/v1/users/%E0%A4%A", "deleted user %E0%A4%A"],
   ["POST", "/api/v1/something/new", "POST /api/v1/something/new"],
-  ["GET", "/api/v1/users", "GET /api/v1/users"],
   ["", "", "users.manage"],
 ])("%s %s is: %s", (method, target, words) => {
   expect(actWords(row({ method, target }))).toBe(words);
 });
 
+test("every operation that the log tells of has its own words, also when it is done", () => {
+  const said = (operation: string, status: number) => {
+    const [method, path] = operation.split(" ") as [string, string];
+    const target = `${/^\/(lambda|foxglove|rosbridge|metaros)/.test(path) ? "" : "/api/v1"}${path}`; // a part stands for itself
+    return actWords(row({ method, target, action: "", status }));
+  };
+  const wrong = Object.entries(ACTS).filter(([operation, words]) => said(operation, 500) !== `tried to ${words}`);
+  expect(wrong).toEqual([]);
+  const undone = Object.entries(ACTS).filter(([operation, words]) => said(operation, 200) === words && !/^(re)?set /.test(words));
+  expect(undone).toEqual([]);
+});
+
+test("what somebody does over an open connection, and what the gateway does by itself", () => {
+  const foxglove = { method: "SOCKET", target: "/foxglove/arm_1", status: 200 };
+  expect(actWords(row({ ...foxglove, action: "robots.call" }))).toBe("called a service or an action by Foxglove");
+  expect(actWords(row({ ...foxglove, action: "robots.drive", status: 403 }))).toBe("tried to drive by Foxglove");
+  expect(actWords(row({ kind: "gateway", action: "refusals", method: "", target: "", status: 0 }))).toBe("dropped rows about refusals");
+});
+
 test("what was refused was tried", () => {
+  expect(actWords(row({ method: "GET", target: "/api/v1/robots/arm_1/twin", status: 403 }))).toBe("tried to read robots/arm_1/twin");
+  expect(actWords(row({ method: "GRPC", target: "/metaros.v1.FleetService/ListRobots", status: 401 }))).toBe("tried to read FleetService/ListRobots by gRPC");
   expect(actWords(row({ target: "/api/v1/auth/login", status: 401 }))).toBe("tried to sign in with a password");
   expect(actWords(row({ target: "/api/v1/robots/$&*/publish", status: 500 }))).toBe("tried to publish on $&*");
 });

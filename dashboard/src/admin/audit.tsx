@@ -1,37 +1,18 @@
 /** The audit log: who changed what, the newest first, and whether the log itself is whole. */
 
-import { useSignal } from "@preact/signals";
+import { useSignal, type Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { adminApi, type AuditPage, type AuditProof, type AuditRow } from "../api/admin";
 import { saidOf } from "../api/client";
 import { place, setParam } from "../ui/url";
+import { ABOUT } from "./audit_acts";
 import { AuditRowView } from "./audit_row";
 import { withNewer } from "./audit_words";
 import { Refusal, useAttempt } from "./modal";
-import { ProofCard } from "./proof";
+import { AuditIntegrityCard } from "./audit_integrity";
 
 const EVERY_MS = 5000;
 const PAGE = 100;
-const ACTIONS: readonly [string, string][] = [
-  ["", "everything"],
-  ["sessions.open", "signing in"],
-  ["users.manage", "users"],
-  ["keys.own", "keys"],
-  ["robots.enrol", "enrolment tokens"],
-  ["agent.enrol", "robots enrolling"],
-  ["robots.revoke", "robots revoked"],
-  ["agent.link", "robots' links refused"],
-  ["robots.drive", "driving"],
-  ["robots.talk", "talking"],
-  ["robots.call", "service calls"],
-  ["robots.publish", "publishing"],
-  ["robots.configure", "byte budgets"],
-  ["recordings.save", "recordings saved"],
-  ["recordings.delete", "recordings deleted"],
-  ["alerts.handle", "alerts handled"],
-  ["alerts.manage", "checks, silences of the fleet"],
-  ["audit.read", "reading this log, refused"],
-];
 
 export function AuditPart() {
   const params = place.value.params;
@@ -52,7 +33,7 @@ export function AuditPart() {
       </div>
       <p class="hint">Everything that changed something, and everybody who was refused. Rows are never deleted; each is bound to the one before it, so that a changed or removed row shows.</p>
       <Refusal text={problem.value} />
-      {proof.value && <ProofCard proof={proof.value} />}
+      {proof.value && <AuditIntegrityCard proof={proof.value} />}
       <Filters action={action} name={name} />
       {at !== null && (
         <p class="audit-from hint">
@@ -65,13 +46,13 @@ export function AuditPart() {
 }
 
 function Filters({ action, name }: { action: string; name: string }) {
-  const known = ACTIONS.some(([value]) => value === action);
+  const known = ABOUT.some(([value]) => value === action);
   return (
     <form class="filters" role="search" onSubmit={(event) => event.preventDefault()}>
       <label class="field">
         <span>About</span>
         <select value={action} onChange={(event) => setParam("action", event.currentTarget.value)}>
-          {ACTIONS.map(([value, word]) => <option key={value} value={value}>{word}</option>)}
+          {ABOUT.map(([value, word]) => <option key={value} value={value}>{word}</option>)}
           {!known && <option value={action}>{action}</option>}
         </select>
       </label>
@@ -96,9 +77,10 @@ function useRows({ at, action, name }: RowsProps) {
   const rows = useSignal<AuditRow[] | null>(null);
   const next = useSignal<number | null>(null);
   const loading = useSignal(false);
-  const problem = useSignal("");
+  const problem = useSignal(""); // of asking for the newest
+  const olderProblem = useSignal(""); // stays until older ones are asked for again, whatever comes of the newest
   const asking = useRef(false);
-  const ask = async (before: number | undefined, take: (page: AuditPage) => void) => {
+  const ask = async (before: number | undefined, problem: Signal<string>, take: (page: AuditPage) => void) => {
     try {
       take(await adminApi.audit({ before, action, name }, PAGE));
       problem.value = "";
@@ -109,7 +91,7 @@ function useRows({ at, action, name }: RowsProps) {
   const newest = async () => {
     if (asking.current) return;
     asking.current = true;
-    await ask(at === null ? undefined : at + 1, (page) => {
+    await ask(at === null ? undefined : at + 1, problem, (page) => {
       const joined = withNewer(rows.peek() ?? [], page.rows);
       rows.value = joined.rows;
       if (joined.fresh) next.value = page.next;
@@ -120,19 +102,20 @@ function useRows({ at, action, name }: RowsProps) {
     const before = next.peek();
     if (before === null || loading.peek()) return;
     loading.value = true;
-    await ask(before, (page) => {
+    olderProblem.value = "";
+    await ask(before, olderProblem, (page) => {
       if (next.peek() !== before) return; // the list began anew meanwhile
       rows.value = [...(rows.peek() ?? []), ...page.rows];
       next.value = page.next;
     });
     loading.value = false;
   };
-  return { rows, next, loading, problem, newest, older };
+  return { rows, next, loading, problem, olderProblem, newest, older };
 }
 
 function Rows(props: RowsProps) {
   const { at, action, name, proof } = props;
-  const { rows, next, loading, problem, newest, older } = useRows(props);
+  const { rows, next, loading, problem, olderProblem, newest, older } = useRows(props);
   const end = useRef<HTMLDivElement>(null);
   useEffect(() => {
     void newest();
@@ -164,6 +147,7 @@ function Rows(props: RowsProps) {
         </ol>
       )}
       <div ref={end} class="audit-end">
+        <Refusal text={olderProblem.value} />
         {next.value !== null && <button type="button" class="button" disabled={loading.value} onClick={() => void older()}>{loading.value ? "Loading…" : "Older rows"}</button>}
         {list !== null && list.length > 0 && next.value === null && <span class="hint">That is all{action || name ? " that fits" : ""}.</span>}
       </div>

@@ -1,4 +1,4 @@
-/** Whether the audit log is whole: one clear statement, and what it rests on. */
+/** The integrity of the audit log: whether its hash chain is whole, and what that rests on. */
 
 import type { AuditProof } from "../api/admin";
 import { setParam } from "../ui/url";
@@ -6,7 +6,7 @@ import { FAULT_WORDS, proofWords } from "./audit_words";
 
 const SHAPES = { good: "m2 6.300 3 3 5-6.600", bad: "m2.500 2.500 7 7m0-7-7 7" };
 
-export function ProofCard({ proof }: { proof: AuditProof }) {
+export function AuditIntegrityCard({ proof }: { proof: AuditProof }) {
   const { head, lines } = proofWords(proof);
   const tone = proof.ok ? "good" : "bad";
   return (

@@ -1,39 +1,31 @@
 /** Rows of the audit log as sentences, and what their answers mean. */
 
 import type { AuditProof, AuditRow } from "../api/admin";
-
-/** What a path means, as something to do; a part of the path in brackets takes the place of `*`. The first that fits counts. */
-const ACTS: [string, RegExp, string][] = [
-  ["POST", /^\/auth\/login$/, "sign in with a password"],
-  ["POST", /^\/auth\/link$/, "sign in by a link"],
-  ["GET", /^\/auth\/oidc\//, "sign in by single sign-on"],
-  ["POST", /^\/auth\/links$/, "make a sign-in link"],
-  ["POST", /^\/auth\/logout$/, "sign out"],
-  ["POST", /^\/auth\/password$/, "change the own password"],
-  ["POST", /^\/users$/, "add a user"],
-  ["PATCH", /^\/users\/([^/]+)$/, "change user *"],
-  ["DELETE", /^\/users\/([^/]+)$/, "delete user *"],
-  ["POST", /^\/keys$/, "make a key"],
-  ["DELETE", /^\/keys\/([^/]+)$/, "revoke key *"],
-  ["POST", /^\/enrolment-tokens$/, "make an enrolment command"],
-  ["DELETE", /^\/enrolment-tokens\/([^/]+)$/, "withdraw enrolment command *"],
-  ["POST", /^\/enrol$/, "take a first certificate"],
-  ["POST", /^\/enrol\/challenge$/, "begin to renew a certificate"],
-  ["POST", /^\/enrol\/renew$/, "renew a certificate"],
-  ["POST", /^\/robots\/([^/]+)\/revoke$/, "revoke the identity of *"],
-  ["PUT", /^\/robots\/([^/]+)\/uplink$/, "set the byte budget of *"],
-  ["POST", /^\/robots\/([^/]+)\/services\/call$/, "call a service of *"],
-  ["POST", /^\/robots\/([^/]+)\/publish$/, "publish on *"],
-  ["POST", /^\/robots\/([^/]+)\/recordings$/, "save a recording of *"],
-  ["DELETE", /^\/recordings\/([^/]+)$/, "delete recording *"],
-  ["SOCKET", /^\/robots\/([^/]+)\/teleop$/, "take the controls of *"],
-  ["SOCKET", /^\/link$/, "open a robot's link"],
-];
+import { ACTS, STORE_ACTS, VIEWER_ACTS } from "./audit_acts";
 
 const PAST: Record<string, string> = {
-  add: "added", begin: "began", call: "called", change: "changed", delete: "deleted", make: "made", open: "opened", publish: "published",
-  renew: "renewed", revoke: "revoked", save: "saved", set: "set", sign: "signed", take: "took", withdraw: "withdrew",
+  acknowledge: "acknowledged", add: "added", ask: "asked", assign: "assigned", begin: "began", call: "called", cancel: "cancelled", change: "changed",
+  check: "checked", comment: "commented", delete: "deleted", deliver: "delivered", drive: "drove", drop: "dropped", end: "ended", evaluate: "evaluated", give: "gave",
+  keep: "kept", label: "labelled", look: "looked", make: "made", move: "moved", open: "opened", pause: "paused", publish: "published",
+  read: "read", renew: "renewed", replace: "replaced", replay: "replayed", reset: "reset", resolve: "resolved", restore: "restored",
+  resume: "resumed", revert: "reverted", revoke: "revoked", save: "saved", send: "sent", set: "set", sign: "signed", silence: "silenced", start: "started",
+  take: "took", talk: "talked", tell: "told", test: "tested", try: "tried", turn: "turned", upload: "uploaded", watch: "watched", withdraw: "withdrew",
 };
+
+/** Names in a path that may have slashes in them. */
+const WITH_SLASHES = new Set(["service", "action", "path"]);
+
+interface Act {
+  method: string;
+  pattern: RegExp;
+  words: string;
+}
+
+const TABLE: Act[] = Object.entries(ACTS).map(([operation, words]) => {
+  const [method, path] = operation.split(" ") as [string, string];
+  const parts = path.replaceAll(".", "\\.").replace(/\{(\w+)\}/g, (_, name: string) => `(?<${name}>${WITH_SLASHES.has(name) ? ".+" : "[^/]+"})`);
+  return { method, pattern: new RegExp(`^${parts}$`), words };
+});
 
 function decoded(text: string): string {
   try {
@@ -45,17 +37,35 @@ function decoded(text: string): string {
 
 /** What a row is about, without who: "made a key", or "tried to make a key" where that was refused. */
 export function actWords(row: AuditRow): string {
-  const { method, target, action } = row;
-  if (method === "CLI") return target;
-  const path = target.replace(/^\/api\/v\d+/, "");
-  const done = outcomeOf(row) === "done";
-  for (const [wanted, pattern, act] of ACTS) {
-    const match = wanted === method ? pattern.exec(path) : null;
-    if (!match) continue;
-    const whole = act.replace("*", () => decoded(match[1] ?? ""));
-    return done ? whole.replace(/^\w+/, (verb) => PAST[verb] ?? verb) : `tried to ${whole}`;
+  const act = actOf(row);
+  if (!act) return [row.method, row.target].filter(Boolean).join(" ") || row.action;
+  return outcomeOf(row) === "done" ? act.replace(/^\w+/, (verb) => PAST[verb] ?? verb) : `tried to ${act}`;
+}
+
+/** The same as something to do; "" for what is not known. */
+function actOf({ method, target, action, kind }: AuditRow): string {
+  if (kind === "gateway") return action === "refusals" ? "drop rows about refusals" : "";
+  if (method === "CLI") return STORE_ACTS[action] ? `${STORE_ACTS[action]}: ${target}` : "";
+  const [place = "", robot = ""] = method === "GRPC" ? target.split(" ") : [target];
+  const path = place.replace(/^\/api\/v\d+/, "");
+  const viewer = method === "SOCKET" ? /^\/(foxglove|rosbridge)(\/|$)/.exec(path)?.[1] : undefined;
+  if (viewer && VIEWER_ACTS[action]) return `${VIEWER_ACTS[action]} by ${viewer === "foxglove" ? "Foxglove" : viewer}`;
+  const words = known(method, path) || reading(method, path);
+  return words && robot ? `${words}, on ${robot}` : words;
+}
+
+function known(method: string, path: string): string {
+  for (const act of TABLE) {
+    const parts = act.method === method ? act.pattern.exec(path) : null;
+    if (parts) return act.words.replace(/\{(\w+)\}/g, (_, name: string) => decoded(parts.groups?.[name] ?? ""));
   }
-  return [method, target].filter(Boolean).join(" ") || action;
+  return "";
+}
+
+/** Of reading only refusals have a row. */
+function reading(method: string, path: string): string {
+  if (method === "GET") return `read ${path.replace(/^\//, "")}`;
+  return method === "GRPC" ? `read ${path.replace("/metaros.v1.", "")} by gRPC` : "";
 }
 
 export type Outcome = "done" | "refused" | "failed" | "unknown";

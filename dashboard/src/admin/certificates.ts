@@ -8,10 +8,10 @@ export const GRACE_MS = 30 * 86_400_000;
 /** An agent renews when this part of the certificate's life is over. */
 const RENEWS_AT = 2 / 3;
 
-export type Standing = "good" | "due" | "grace" | "over" | "revoked";
+export type CertificateStatus = "good" | "due" | "grace" | "over" | "revoked";
 
 export interface CertificateWords {
-  standing: Standing;
+  status: CertificateStatus;
   /** In a word or three. */
   word: string;
   /** What happens next, and when. */
@@ -30,17 +30,17 @@ export function currentCertificate(identity: RobotIdentity): RobotCertificate | 
 export function certificateWords(identity: RobotIdentity, nowMs: number): CertificateWords {
   if (identity.state === "revoked") {
     const ago = identity.revoked ? `${span(nowMs - Date.parse(identity.revoked))} ago` : "";
-    return { standing: "revoked", word: "revoked", note: [ago, identity.reason].filter(Boolean).join(": ") };
+    return { status: "revoked", word: "revoked", note: [ago, identity.reason].filter(Boolean).join(": ") };
   }
   const certificate = currentCertificate(identity);
-  if (!certificate) return { standing: "over", word: "no certificate", note: "enrol it again" };
+  if (!certificate) return { status: "over", word: "no certificate", note: "enrol it again" };
   const [issuedMs, endMs] = [Date.parse(certificate.issued), Date.parse(certificate.not_after)];
   const renewsMs = issuedMs + (endMs - issuedMs) * RENEWS_AT;
-  if (nowMs < renewsMs) return { standing: "good", word: "valid", note: `renews in ${span(renewsMs - nowMs)}, ends in ${span(endMs - nowMs)}` };
-  if (nowMs < endMs) return { standing: "due", word: "renewal is due", note: `ends in ${span(endMs - nowMs)} unless the robot comes` };
+  if (nowMs < renewsMs) return { status: "good", word: "valid", note: `renews in ${span(renewsMs - nowMs)}, ends in ${span(endMs - nowMs)}` };
+  if (nowMs < endMs) return { status: "due", word: "renewal is due", note: `ends in ${span(endMs - nowMs)} unless the robot comes` };
   const graceMs = endMs + GRACE_MS;
-  if (nowMs < graceMs) return { standing: "grace", word: "expired, in grace", note: `the robot renews it by itself if it comes back within ${span(graceMs - nowMs)}` };
-  return { standing: "over", word: "expired", note: `${span(nowMs - endMs)} ago: enrol it again` };
+  if (nowMs < graceMs) return { status: "grace", word: "expired, in grace", note: `the robot renews it by itself if it comes back within ${span(graceMs - nowMs)}` };
+  return { status: "over", word: "expired", note: `${span(nowMs - endMs)} ago: enrol it again` };
 }
 
 export type TokenStanding = "open" | "used" | "expired";
@@ -77,7 +77,7 @@ export const alarmed = (identities: RobotIdentity[]) =>
 
 /** What needs somebody first: alarms, then what has run out, then by name; revoked ones last. */
 export function inOrder(identities: RobotIdentity[], nowMs: number): RobotIdentity[] {
-  const RANK: Record<Standing, number> = { over: 1, grace: 2, due: 3, good: 4, revoked: 5 };
-  const rank = (one: RobotIdentity) => (one.alarm && one.state === "active" ? 0 : RANK[certificateWords(one, nowMs).standing]);
+  const RANK: Record<CertificateStatus, number> = { over: 1, grace: 2, due: 3, good: 4, revoked: 5 };
+  const rank = (one: RobotIdentity) => (one.alarm && one.state === "active" ? 0 : RANK[certificateWords(one, nowMs).status]);
   return [...identities].sort((a, b) => rank(a) - rank(b) || a.robot.localeCompare(b.robot, "en", { numeric: true }));
 }

@@ -1,4 +1,4 @@
-/** Text that is there to be taken along: shown whole, copied by one press. */
+/** Text to copy: shown whole, copied by one press. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";

@@ -166,13 +166,13 @@ function IdentityRow({ one, onRevoke, onAgain }: { one: RobotIdentity; onRevoke:
   const words = certificateWords(one, now.value);
   const certificate = currentCertificate(one);
   return (
-    <tr data-identity={one.robot} data-standing={words.standing}>
+    <tr data-identity={one.robot} data-standing={words.status}>
       <td class="cell-name">
         {known ? <Link href={robotHref(one.robot)} class="name-link">{one.robot}</Link> : <b>{one.robot}</b>}
         <span class="sub">{known ? known.state : "never connected"}</span>
       </td>
       <td class="cell-wide" data-label="Certificate" title={certificate ? `serial ${certificate.serial}, until ${certificate.not_after}` : undefined}>
-        <Badge tone={TONES[words.standing]!}>{words.word}</Badge>
+        <Badge tone={TONES[words.status]!}>{words.word}</Badge>
         <span class="sub">{words.note}</span>
         {one.alarm && one.state === "active" && <span class="sub bad">▲ {one.alarm}</span>}
       </td>

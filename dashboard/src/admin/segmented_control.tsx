@@ -1,6 +1,6 @@
-/** One of a few, chosen by buttons beside each other. */
+/** A segmented control: one of a few choices, by buttons beside each other. */
 
-interface ChoiceProps<T> {
+interface SegmentedControlProps<T> {
   label: string;
   /** Values with their words. */
   choices: readonly (readonly [T, string])[];
@@ -8,7 +8,7 @@ interface ChoiceProps<T> {
   onChoose: (value: T) => void;
 }
 
-export function Choice<T extends string | number>({ label, choices, chosen, onChoose }: ChoiceProps<T>) {
+export function SegmentedControl<T extends string | number>({ label, choices, chosen, onChoose }: SegmentedControlProps<T>) {
   return (
     <div class="field" role="group" aria-label={label}>
       <span>{label}</span>

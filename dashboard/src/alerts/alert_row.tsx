@@ -6,7 +6,7 @@ import { now } from "../live/age";
 import { clockTime, dayText } from "../ui/format";
 import { Link } from "../ui/parts";
 import { robotHref } from "../ui/url";
-import { alertHref, SeverityMark, StateChips } from "./marks";
+import { alertHref, SeverityBadge, StateChips } from "./badges";
 import { beganMs, causeWords, isOver, lastsText } from "./words";
 
 const DAY_MS = 86_400_000;
@@ -16,7 +16,7 @@ export function AlertRow({ alert, onAcknowledge }: { alert: Alert; onAcknowledge
   const began = beganMs(alert);
   return (
     <li data-alert-row={alert.id} data-over={isOver(alert)} data-quiet={alert.quiet} class={`alert-row side-${alert.severity}`}>
-      <SeverityMark severity={alert.severity} />
+      <SeverityBadge severity={alert.severity} />
       <div class="alert-what">
         <h3><Link href={alertHref(alert.id)} class="alert-link">{alert.title}</Link></h3>
         <p class="alert-reason">{alert.reason}</p>

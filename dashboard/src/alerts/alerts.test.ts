@@ -1,9 +1,9 @@
 import { expect, test } from "vitest";
 import type { Alert, AlertCheck, SeriesWatch } from "../api/alerts";
-import { isOnAxis, ownBounds, reach, rememberedOf, usualAround, windowOf } from "./band";
-import { changeOf, formOf, isWrong } from "./check_form";
+import { isOnAxis, ownBounds, reach, rememberedOf, usualAround, windowOf } from "./timeline/band";
+import { changeOf, formOf, isWrong } from "./checks/check_form";
 import { filterOf, isFiltered, lets } from "./filter";
-import { lanesOf, MOST_ROWS } from "./lanes";
+import { lanesOf, MOST_ROWS } from "./timeline/lanes";
 import { expectedText, unitOf, valueText } from "./units";
 import { causeWords, checkWords, historyOf, lastsText, learningText, mostUrgentFirst, remarkWords, silencedWords, strangestFirst, worstOf } from "./words";
 

@@ -1,4 +1,4 @@
-/** Small pieces of alerts: a severity, a state, and what keeps one quiet. */
+/** Badges of alerts: severity, state, and why one is quiet. */
 
 import type { Alert, Severity } from "../api/alerts";
 import { Link } from "../ui/parts";
@@ -7,7 +7,7 @@ import { SHAPES, STATE_WORDS } from "./words";
 export const alertHref = (id: string) => `/alerts/${encodeURIComponent(id)}`;
 
 /** A severity as colour, shape and word; without the word it is a name for who cannot see. */
-export function SeverityMark({ severity, bare = false }: { severity: Severity; bare?: boolean }) {
+export function SeverityBadge({ severity, bare = false }: { severity: Severity; bare?: boolean }) {
   return (
     <span class={`severity severity-${severity}`} data-severity={severity}>
       <svg viewBox="0 0 12 12" aria-hidden="true"><path d={SHAPES[severity]} fill-rule="evenodd" /></svg>

@@ -3,7 +3,7 @@
 import { useAsked } from "../admin/use_list";
 import type { Recording } from "../api/history_types";
 import { recordingsApi } from "../api/recordings";
-import { RecordingStand } from "../panels/recording_row";
+import { RecordingStand } from "../panels/time_bar/recording_row";
 import { bytes, duration } from "../ui/format";
 import { Link } from "../ui/parts";
 

@@ -8,9 +8,9 @@ import { Link } from "../ui/parts";
 import { go, robotHref } from "../ui/url";
 import { useWindowKey } from "../ui/use_window_key";
 import { ActionsCard } from "./actions";
-import { BandCard } from "./band_plot";
+import { BandCard } from "./timeline/band_plot";
 import { ClipCard } from "./clip";
-import { alertHref, SeverityMark, StateChips } from "./marks";
+import { alertHref, SeverityBadge, StateChips } from "./badges";
 import { RemarksCard } from "./remarks";
 import { useAlerts } from "./use_alerts";
 import { beganMs, causeWords, endedMs, lastsText } from "./words";
@@ -27,7 +27,7 @@ export function AlertPage({ id }: { id: string }) {
       <header class="robot-head alert-head">
         <p class="crumb"><Link href="/alerts">Alerts</Link> / {one.robot && <><Link href={robotHref(one.robot)}>{one.robot}</Link> /</>}</p>
         <h1>{one.title}</h1>
-        <SeverityMark severity={one.severity} />
+        <SeverityBadge severity={one.severity} />
         <StateChips alert={one} />
         {one.robot && <Link href={one.path} class="button button-solid alert-go">See {one.robot} at {clockTime(beganMs(one))}</Link>}
       </header>
@@ -62,12 +62,12 @@ function QuietNote({ one }: { one: AlertDetail }) {
   if (one.inhibited_by) {
     return (
       <p class="alert-note">
-        Nobody is told of it: <Link href={alertHref(one.inhibited_by)} class="text-link">another alert of {one.robot}</Link> explains it.
+        Nobody is notified of it: <Link href={alertHref(one.inhibited_by)} class="text-link">another alert of {one.robot}</Link> explains it.
       </p>
     );
   }
   if (!one.silence) return null;
-  return <p class="alert-note">Nobody is told of it while a <Link href="/alerts/silences" class="text-link">silence</Link> holds.</p>;
+  return <p class="alert-note">Nobody is notified of it while a <Link href="/alerts/silences" class="text-link">silence</Link> holds.</p>;
 }
 
 function Facts({ one }: { one: AlertDetail }) {
@@ -114,7 +114,7 @@ function Findings({ findings }: { findings: AlertFinding[] }) {
 function FindingRow({ one }: { one: AlertFinding }) {
   return (
     <li data-active={one.active}>
-      <SeverityMark severity={one.severity} bare />
+      <SeverityBadge severity={one.severity} bare />
       <div>
         <p class="wrap">{one.reason}</p>
         <p class="finding-facts">

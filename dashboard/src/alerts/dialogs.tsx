@@ -6,7 +6,7 @@ import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { alertsApi, type Alert } from "../api/alerts";
 import { session } from "../api/session";
 import { duration } from "../ui/format";
-import { LengthField, USUAL_LENGTH } from "./length_field";
+import { LengthField, USUAL_LENGTH } from "./checks/length_field";
 
 interface DialogProps {
   one: Alert;
@@ -65,7 +65,7 @@ export function SilenceDialog({ one, refresh, onClose }: DialogProps) {
             });
           }}
         >
-          <p class="hint">Nobody is told of alerts of {one.robot} with this cause meanwhile. They are still seen here.</p>
+          <p class="hint">Nobody is notified of alerts of {one.robot} with this cause meanwhile. They are still seen here.</p>
           <LengthField seconds={forS.value} onChange={(seconds) => (forS.value = seconds)} />
           <TextField label="Why" most={500} value={reason.value} onInput={(text) => (reason.value = text)} />
           <Refusal text={problem.value} />

@@ -11,7 +11,7 @@ import { place, setParam } from "../ui/url";
 import { useWindowKey } from "../ui/use_window_key";
 import { AlertRow } from "./alert_row";
 import { filterOf, isFiltered, lets, SPANS, STATE_CHOICES, USUAL_SPAN, type Filter } from "./filter";
-import { AlertTimeline } from "./timeline";
+import { AlertTimeline } from "./timeline/timeline";
 import { useAlerts } from "./use_alerts";
 import { mostUrgentFirst, SEVERITIES } from "./words";
 

@@ -6,13 +6,13 @@ import { alertsApi, type Alert } from "../api/alerts";
 import type { RobotAlerts } from "../api/schema.js";
 import { moment } from "../history/moment";
 import { now } from "../live/age";
-import { everywhere, marks, type Overlay } from "../panels/overlay";
+import { everywhere, marks, type Overlay } from "../panels/plots/overlay";
 import { Link } from "../ui/parts";
-import { drawMoment, drawSpan } from "./draw";
-import { alertHref, SeverityMark } from "./marks";
-import { TimeBarMarks } from "./time_bar_marks";
+import { drawMoment, drawSpan } from "./timeline/draw";
+import { alertHref, SeverityBadge } from "./badges";
+import { TimeBarMarks } from "./timeline/time_bar_marks";
 import { isOver, lastsText, mostUrgentFirst } from "./words";
-import "../ui/alert_marks.css";
+import "../styles/alert_marks.css";
 
 const EVERY_MS = 10_000;
 const MOST = 200;
@@ -84,7 +84,7 @@ function Strip({ robot, open }: { robot: string; open: Alert[] }) {
           {open.slice(0, SHOWN).map((alert) => (
             <li key={alert.id}>
               <Link href={alertHref(alert.id)} class={`strip-alert strip-${alert.severity}`}>
-                <SeverityMark severity={alert.severity} bare />
+                <SeverityBadge severity={alert.severity} bare />
                 <b>{alert.title}</b>
                 <span class="strip-reason">{alert.reason}</span>
                 <span class="strip-for num">{lastsText(alert, now.value)}</span>

@@ -1,6 +1,6 @@
 /** Values of series in the units in which plots show them, and what was expected of them. */
 
-import { PAST_PLOTS, type PlotSpec } from "../panels/plot_table";
+import { PAST_PLOTS, type PlotSpec } from "../panels/plots/plot_table";
 import { short } from "../ui/format";
 
 export interface Unit {

@@ -1,6 +1,6 @@
 /** Typed calls for commands that are kept: send one, look at the history, take one back. */
 
-import { writeJson, type Json, type JsonObject } from "../fleet_ops/json";
+import { writeJson, type Json, type JsonObject } from "../values/json";
 import { robotPath, send } from "./client";
 import { askExact } from "./exact";
 

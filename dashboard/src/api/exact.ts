@@ -1,6 +1,6 @@
 /** Requests whose numbers come and go as they were written: 10.0 is another ROS parameter than 10; and the key under which one counts once. */
 
-import { readJson, writeJson, type Json } from "../fleet_ops/json";
+import { readJson, writeJson, type Json } from "../values/json";
 import { requestBytes, type Method } from "./client";
 
 const decoder = new TextDecoder();

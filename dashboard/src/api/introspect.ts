@@ -1,6 +1,6 @@
 /** Typed calls about what a robot's nodes offer: types, the graph, publishing once, calling a service. */
 
-import type { Json, JsonObject } from "../fleet_ops/json";
+import type { Json, JsonObject } from "../values/json";
 import { call } from "./call";
 import { BASE_PATH, request, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";

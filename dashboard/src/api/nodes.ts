@@ -1,7 +1,7 @@
 /** Typed calls about a robot's nodes: how they do, what they said, start and stop, parameters and lifecycle. */
 
-import type { Json, Numeric } from "../fleet_ops/json";
-import type { Kind } from "../fleet_ops/values";
+import type { Json, Numeric } from "../values/json";
+import type { Kind } from "../values/values";
 import { call } from "./call";
 import { BASE_PATH, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";

@@ -1,6 +1,6 @@
 /** Typed calls for rules: what there is, changes with their revision, checks, dry runs, schedules and hooks. */
 
-import { writeJson, type Json, type JsonObject } from "../fleet_ops/json";
+import { writeJson, type Json, type JsonObject } from "../values/json";
 import { call } from "./call";
 import { request } from "./client";
 import { askExact } from "./exact";

@@ -1,8 +1,8 @@
 /** Typed calls for templates: partial twins of all robots that a selector names. */
 
-import type { JsonObject, Numeric } from "../fleet_ops/json";
+import type { Change } from "../twin/document";
+import type { JsonObject, Numeric } from "../values/json";
 import { askExact, sendExact } from "./exact";
-import type { Change } from "../fleet_ops/document";
 import type { TwinChange } from "./twin";
 
 export interface Template {

@@ -1,7 +1,7 @@
 /** Typed calls about twins: what a robot is to be, what it says it is, tried changes, and their history. */
 
-import type { Change } from "../fleet_ops/document";
-import type { Json, JsonObject, Numeric } from "../fleet_ops/json";
+import type { Change } from "../twin/document";
+import type { Json, JsonObject, Numeric } from "../values/json";
 import { robotPath, type Method } from "./client";
 import { askExact, sendExact } from "./exact";
 

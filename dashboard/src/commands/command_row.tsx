@@ -3,12 +3,12 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Command } from "../api/commands";
-import { isObject, writeJson, type Json } from "../fleet_ops/json";
 import { ageText, now } from "../live/age";
 import { duration } from "../ui/format";
 import { Link } from "../ui/parts";
-import { isOver } from "./steps";
+import { isObject, writeJson, type Json } from "../values/json";
 import { StepTrack } from "./step_track";
+import { isOver } from "./steps";
 import { fieldOf, titleOf, whyOf } from "./words";
 
 interface RowProps {

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Command } from "../api/commands";
-import { writeJson } from "../fleet_ops/json";
+import { writeJson } from "../values/json";
 import { blankForm, formOf, orderOf } from "./form";
 import { stepsOf, tookText } from "./steps";
 import { parseObject, titleOf, whyOf } from "./words";
@@ -14,7 +14,7 @@ function command(changes: Partial<Command> = {}): Command {
     timeout_s: 10, issued: at(0), expires: null, delivered: null, running: null, ended: null, code: "", message: "", result: null, ...changes,
   };
 }
-const standings = (one: Command) => stepsOf(one).map(({ word, standing }) => `${word} ${standing}`);
+const standings = (one: Command) => stepsOf(one).map(({ word, status }) => `${word} ${status}`);
 const tooks = (one: Command) => stepsOf(one).map(({ took }) => took);
 
 test("a durable command awaits one step after another", () => {

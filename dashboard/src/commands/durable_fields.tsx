@@ -1,7 +1,7 @@
 /** Now, or whenever the robot is there: until when it may come, and how long it may take. */
 
 import type { Signal } from "@preact/signals";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import type { Form } from "./form";
 import { EXPIRIES } from "./words";
@@ -11,7 +11,7 @@ export function DurableFields({ form, online }: { form: Signal<Form>; online: bo
   const set = (change: Partial<Form>) => (form.value = { ...form.value, ...change });
   return (
     <>
-      <Choice
+      <SegmentedControl
         label="When"
         choices={[["now", "Now"], ["durable", "When the robot is there"]]}
         chosen={durable ? "durable" : "now"}
@@ -19,7 +19,7 @@ export function DurableFields({ form, online }: { form: Signal<Form>; online: bo
       />
       {durable ? (
         <>
-          <Choice label="It expires after" choices={EXPIRIES.map(([word, seconds]) => [seconds, word])} chosen={expiresS} onChoose={(seconds) => set({ expiresS: seconds })} />
+          <SegmentedControl label="It expires after" choices={EXPIRIES.map(([word, seconds]) => [seconds, word])} chosen={expiresS} onChoose={(seconds) => set({ expiresS: seconds })} />
           <p class="hint">The robot runs it at most once, whatever restarts meanwhile, and never after its expiry.</p>
         </>
       ) : (

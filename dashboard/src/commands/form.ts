@@ -1,7 +1,7 @@
 /** What the form of a command holds, and the order that it makes. */
 
 import type { Command, CommandKind, CommandOrder } from "../api/commands";
-import { isObject, writeJson, type JsonObject } from "../fleet_ops/json";
+import { isObject, writeJson, type JsonObject } from "../values/json";
 import { fieldOf, parseObject } from "./words";
 
 /** Texts are as they were typed; each kind uses those that it needs. */

@@ -2,7 +2,7 @@
 
 import type { Signal } from "@preact/signals";
 import { useId } from "preact/hooks";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import { useAsked } from "../admin/use_list";
 import { request, robotPath } from "../api/client";
@@ -86,8 +86,8 @@ function NodeFields({ form, set, robot }: Part & { robot: Robot }) {
   return (
     <>
       <TextField label="Node" mono required focus options={nodes} hint={nodes.length > 0 ? undefined : "Its name in the robot's table of nodes."} value={form.node} onInput={(node) => set({ node })} />
-      <Choice label="What" choices={VERB_WORDS} chosen={form.verb} onChoose={(verb) => set({ verb })} />
-      {form.verb === "signal" && <Choice label="Signal" choices={SIGNALS.map(([word, number]) => [number, word])} chosen={form.signal} onChoose={(signal) => set({ signal })} />}
+      <SegmentedControl label="What" choices={VERB_WORDS} chosen={form.verb} onChoose={(verb) => set({ verb })} />
+      {form.verb === "signal" && <SegmentedControl label="Signal" choices={SIGNALS.map(([word, number]) => [number, word])} chosen={form.signal} onChoose={(signal) => set({ signal })} />}
       {(form.verb === "start" || form.verb === "stop") && <p class="hint">Until the robot's twin or a restart says otherwise. On the Nodes tab it is for good.</p>}
     </>
   );
@@ -103,7 +103,7 @@ const SPANS: readonly [number, string][] = [
 function RecordingFields({ form, set }: Part) {
   return (
     <>
-      <Choice label="The last" choices={SPANS} chosen={form.lastS} onChoose={(lastS) => set({ lastS })} />
+      <SegmentedControl label="The last" choices={SPANS} chosen={form.lastS} onChoose={(lastS) => set({ lastS })} />
       <TextField label="Topics" mono placeholder="all" hint="Patterns with * and **, between commas. The clip waits for its robot by itself, for a day." value={form.topics} onInput={(topics) => set({ topics })} />
     </>
   );

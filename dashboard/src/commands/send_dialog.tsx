@@ -9,7 +9,7 @@ import { commandsApi, type Command, type CommandKind } from "../api/commands";
 import { newKey } from "../api/exact";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
-import { writeJson, type JsonObject } from "../fleet_ops/json";
+import { writeJson, type JsonObject } from "../values/json";
 import { DurableFields } from "./durable_fields";
 import { blankForm, formOf, orderOf, type Form } from "./form";
 import { KindFields } from "./kind_fields";

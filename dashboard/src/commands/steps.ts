@@ -7,11 +7,11 @@ import { duration } from "../ui/format";
  * `there`: it came, at a known time. `untold`: it came, nobody noted when. `next`: it is awaited.
  * `ahead`: later. `missed`: the command ended without it.
  */
-export type Standing = "there" | "untold" | "next" | "ahead" | "missed";
+export type StepStatus = "there" | "untold" | "next" | "ahead" | "missed";
 
 export interface Step {
   word: string;
-  standing: Standing;
+  status: StepStatus;
   stamp: string | null;
   /** Since the step before it: "4 ms"; "" where that is not known. */
   took: string;
@@ -32,14 +32,14 @@ export function stepsOf(command: Command): Step[] {
   const last = reached.lastIndexOf(true, 2);
   let awaited = true;
   return words.map((word, i) => {
-    let standing: Standing;
-    if (reached[i]) standing = "there";
-    else if (over) standing = passed(command, i, last) ? "untold" : "missed";
+    let status: StepStatus;
+    if (reached[i]) status = "there";
+    else if (over) status = passed(command, i, last) ? "untold" : "missed";
     else {
-      standing = i < last ? "untold" : awaited ? "next" : "ahead";
+      status = i < last ? "untold" : awaited ? "next" : "ahead";
       if (i > last) awaited = false;
     }
-    return { word, standing, stamp: stamps[i] ?? null, took: tookAt(stamps, i), end: i === 3 ? endOf(command.state) : null };
+    return { word, status, stamp: stamps[i] ?? null, took: tookAt(stamps, i), end: i === 3 ? endOf(command.state) : null };
   });
 }
 

@@ -1,8 +1,8 @@
 /** Commands in words: what one asks for, and what each kind of them is called. */
 
 import type { Command, CommandKind } from "../api/commands";
-import { isNumeric, isObject, readJson, type Json, type JsonObject } from "../fleet_ops/json";
 import { bytesPerSecond, duration } from "../ui/format";
+import { isNumeric, isObject, readJson, type Json, type JsonObject } from "../values/json";
 
 export interface KindWords {
   kind: CommandKind;

@@ -1,4 +1,4 @@
-/** Dead letters: what could not be delivered, why, and what to do with it: deliver it again, or drop it. */
+/** Dead letters: what could not be delivered and why, to redrive or to drop. */
 
 import { useSignal, type Signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -17,7 +17,7 @@ const EVERY_MS = 5000;
 const PAGE = 100;
 
 /** Of one target, or with an empty kind every one. */
-export function DeadPart({ kind = "", target = "" }: { kind?: string; target?: string }) {
+export function DeadLettersPart({ kind = "", target = "" }: { kind?: string; target?: string }) {
   const asked = useAsked(() => functionsApi.dead(kind, target, PAGE), EVERY_MS);
   const picked = useSignal<ReadonlySet<string>>(new Set());
   const question = useSignal<Question | null>(null);
@@ -91,7 +91,7 @@ function Payload({ id, one }: { id: string; one: DeadLetter }) {
   return (
     <>
       <dl class="call-facts">
-        <div><dt>Happening</dt><dd><code>{one.happening || "a call"}</code></dd></div>
+        <div><dt>Event</dt><dd><code>{one.happening || "a call"}</code></dd></div>
         <div><dt>Accepted</dt><dd class="num">{one.born}</dd></div>
         {one.kind === "function" && <div><dt>Function</dt><dd><Link href={functionHref(one.target.split(":")[0]!)} class="text-link">{one.target}</Link></dd></div>}
       </dl>

@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { Badge } from "../admin/badge";
 import { Confirm, Refusal, type Question } from "../admin/modal";
-import { useAsked, type Asked } from "../admin/use_list";
+import { useAsked } from "../admin/use_list";
 import { functionsApi, type FunctionDetail } from "../api/functions";
 import { can } from "../api/session";
 import { duration, integer } from "../ui/format";
@@ -12,29 +12,24 @@ import { Link } from "../ui/parts";
 import { go, place, setParam } from "../ui/url";
 import { lazy } from "../views/lazy";
 import { OverviewPart } from "./overview";
+import type { PartProps } from "./part_props";
 import { errorShare, functionHref, milliseconds, stateTone, stateWord, USUAL_WINDOW, WINDOWS } from "./words";
 
 const EVERY_MS = 5000;
 const InvocationsPart = lazy(async () => (await import("./invocations")).InvocationsPart);
 const LogPart = lazy(async () => (await import("./log")).LogPart);
-const TestPart = lazy(async () => (await import("./test")).TestPart);
+const TestCallPart = lazy(async () => (await import("./test_call")).TestCallPart);
 const CodePart = lazy(async () => (await import("./code")).CodePart);
-const DeadPart = lazy(async () => (await import("./dead")).DeadPart);
+const DeadLettersPart = lazy(async () => (await import("./dead_letters")).DeadLettersPart);
 const DeployDialog = lazy(async () => (await import("./deploy")).DeployDialog, null);
-
-/** What every part gets. */
-export interface PartProps {
-  one: FunctionDetail;
-  asked: Asked<FunctionDetail>;
-}
 
 const TABS: [string, string, (props: PartProps) => preact.ComponentChild][] = [
   ["", "Overview", (props) => <OverviewPart {...props} />],
   ["invocations", "Invocations", ({ one }) => <InvocationsPart name={one.name} />],
   ["log", "Log", ({ one }) => <LogPart name={one.name} />],
-  ["test", "Test", (props) => <TestPart {...props} />],
+  ["test", "Test", (props) => <TestCallPart {...props} />],
   ["code", "Code", ({ one }) => <CodePart key={one.code_sha256} one={one} />],
-  ["dead", "Dead letters", ({ one }) => <DeadPart kind="function" target={one.name} />],
+  ["dead", "Dead letters", ({ one }) => <DeadLettersPart kind="function" target={one.name} />],
 ];
 
 export function FunctionPage({ name }: { name: string }) {

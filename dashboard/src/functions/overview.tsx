@@ -10,7 +10,7 @@ import { bytes, duration, integer, percent } from "../ui/format";
 import { Link } from "../ui/parts";
 import { lazy } from "../views/lazy";
 import { FunctionChart } from "./chart";
-import type { PartProps } from "./detail";
+import type { PartProps } from "./part_props";
 import { CANARY_TONES, CANARY_WORDS, canaryText, sharesOf, triggerKind, triggerWords } from "./words";
 
 const AliasDialog = lazy(async () => (await import("./alias_dialogs")).AliasDialog, null);

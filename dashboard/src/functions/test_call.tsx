@@ -7,14 +7,14 @@ import { functionsApi, type Invoked } from "../api/functions";
 import { can } from "../api/session";
 import { robots } from "../live/fleet";
 import { MayNot } from "../ui/parts";
-import type { PartProps } from "./detail";
+import type { PartProps } from "./part_props";
 import { likely, TEMPLATES, templateText } from "./templates";
 import { LATEST, milliseconds } from "./words";
 
 /** What is typed outlives a look at another tab. */
 const drafts = new Map<string, string>();
 
-export function TestPart({ one, asked }: PartProps) {
+export function TestCallPart({ one, asked }: PartProps) {
   const robot = robots.value?.[0]?.id ?? "sim_1";
   const text = useSignal(drafts.get(one.name) ?? templateText(likely(one), robot, new Date()));
   const qualifier = useSignal("");

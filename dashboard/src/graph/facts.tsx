@@ -1,4 +1,4 @@
-/** What is known of the chosen node or topic, with the ways to where one goes on. */
+/** Facts about the chosen node or topic, with links to more. */
 
 import type { RobotGraph } from "../api/introspect";
 import type { Robot, Topic } from "../api/types";
@@ -39,7 +39,7 @@ function TopicFacts({ robot, graph, topics, name }: Omit<FactsProps, "chosen" | 
       <p class="mono">{found.types.join(", ")}</p>
       {told && <p>{fixed(told.rate_hz, 1, "Hz")} · {bytesPerSecond(told.bytes_per_s)}</p>}
       <Names title="Published by" names={found.publishers.map(({ node, qos }) => [node || "a node outside", qosOf(qos)?.short ?? ""])} robot={robot} />
-      <Names title="Heard by" names={found.subscribers.map(({ node, qos }) => [node || "a node outside", qosOf(qos)?.short ?? ""])} robot={robot} />
+      <Names title="Subscribers" names={found.subscribers.map(({ node, qos }) => [node || "a node outside", qosOf(qos)?.short ?? ""])} robot={robot} />
       {told && <p><Link class="text-link" href={`${robotHref(robot.id)}?tab=topics&topic=${encodeURIComponent(name)}`}>See its messages</Link></p>}
     </div>
   );

@@ -56,11 +56,11 @@ test("a large graph is placed quickly, within its bounds, without overlaps, and 
   expect(layout([], [])).toMatchObject({ width: 0, height: 0, lines: [] });
 });
 
-test("nodes and topics become vertices, plumbing is left out, what waits for nobody is a worry", () => {
+test("nodes and topics become vertices, plumbing is left out, an input that nobody feeds is no problem", () => {
   const all = drawn(GRAPH, { namespace: "/r", plumbing: false, wanted: "" });
   expect(all.vertices.map(({ label }) => label).sort()).toEqual(["base", "cmd_vel", "goal", "odom", "planner"]);
   expect([all.edges.length, all.alone]).toEqual([5, ["/r/idle"]]);
-  expect(all.worries).toEqual([{ topic: "/r/goal", text: "nobody publishes what one node waits for" }]);
+  expect([all.problems, all.waiting]).toEqual([[], ["/r/goal"]]);
   expect(drawn(GRAPH, { namespace: "/r", plumbing: true, wanted: "" }).vertices.map(({ label }) => label)).toContain("other nodes");
   expect(drawn(GRAPH, { namespace: "/r", plumbing: false, wanted: "ODOM" }).edges).toHaveLength(2);
 });
@@ -73,6 +73,13 @@ test("what cannot get through says why", () => {
   expect(whyBroken([end("/r/a", { type: "p/msg/U" })], end("/r/b"))).toBe("it is p/msg/U there");
   expect(whyBroken([end("/r/a", { type_hash: "1" })], end("/r/b", { type_hash: "2" }))).toContain("otherwise");
   expect(whyBroken([end("/r/a")], end("/r/b", { qos: "2::,5:,:,:,," }))).toBe("");
+});
+
+test("what does not get through is a problem, said once for each node that hears nothing", () => {
+  const topic = { topic: "/r/scan", types: ["p/msg/T"], publishers: [end("/r/base", { qos: "2::,5:,:,:,," })], subscribers: [end("/r/map"), end("", { qos: "2::,5:,:,:,," })] };
+  const { problems, waiting } = drawn({ ...GRAPH, topics: [topic] }, { namespace: "/r", plumbing: false, wanted: "" });
+  expect(problems).toEqual([{ topic: "/r/scan", text: "/r/map hears nothing: best effort is offered, reliable is asked for" }]);
+  expect(waiting).toEqual([]);
 });
 
 test("a line is as wide as its traffic, within bounds", () => {

@@ -27,7 +27,15 @@ export interface Drawn {
   edges: Edge[];
   /** Nodes that neither publish nor subscribe to anything that is drawn. */
   alone: string[];
-  worries: { topic: string; text: string }[];
+  /** What does not get through, and why. */
+  problems: Problem[];
+  /** Topics that somebody hears and nobody publishes. That is no problem: a base waits for commands most of its life. */
+  waiting: string[];
+}
+
+export interface Problem {
+  topic: string;
+  text: string;
 }
 
 /** Topics that nearly every node has: they would hide the rest. */
@@ -38,14 +46,14 @@ const HEIGHT = 30;
 /** How a node is called that is not one of the robot's own. */
 export const OUTSIDE = "outside";
 
-export interface Choice {
+export interface GraphFilter {
   namespace: string;
   plumbing: boolean;
   /** Only what has this in its name, and its neighbours. */
   wanted: string;
 }
 
-export function drawn(graph: RobotGraph, { namespace, plumbing, wanted }: Choice): Drawn {
+export function drawn(graph: RobotGraph, { namespace, plumbing, wanted }: GraphFilter): Drawn {
   const word = wanted.trim().toLowerCase();
   const shown = graph.topics.filter((topic) => (plumbing || !PLUMBING.test(topic.topic)) && matches(topic, word));
   const vertices = new Map<string, Vertex>();
@@ -65,7 +73,7 @@ export function drawn(graph: RobotGraph, { namespace, plumbing, wanted }: Choice
     for (const one of subscribers) edge(id, vertex("node", one.node || OUTSIDE), topic, publishers.length > 0 ? whyBroken(publishers, one) : "");
   }
   const alone = graph.nodes.filter((node) => !vertices.has(`node ${node}`) && node.toLowerCase().includes(word));
-  return { vertices: [...vertices.values()], edges: [...edges.values()], alone, worries: worriesOf(shown) };
+  return { vertices: [...vertices.values()], edges: [...edges.values()], alone, problems: shown.flatMap(problemsOf), waiting: shown.filter(waits).map(({ topic }) => topic) };
 }
 
 const matches = ({ topic, publishers, subscribers }: GraphTopic, word: string) =>
@@ -90,13 +98,12 @@ export function whyBroken(publishers: readonly Endpoint[], subscriber: Endpoint)
   return reasons.every(Boolean) ? (reasons[0] ?? "") : "";
 }
 
-function worriesOf(topics: readonly GraphTopic[]): Drawn["worries"] {
-  return topics.flatMap(({ topic, publishers, subscribers }) => {
-    const found = subscribers.map((one) => ({ one, why: publishers.length > 0 ? whyBroken(publishers, one) : "" })).filter(({ why }) => why);
-    const silent = publishers.length === 0 && subscribers.length > 0 && !PLUMBING.test(topic);
-    return [
-      ...found.map(({ one, why }) => ({ topic, text: `${one.node || "a node outside"} hears nothing: ${why}` })),
-      ...(silent ? [{ topic, text: `nobody publishes what ${subscribers.length === 1 ? "one node waits" : `${subscribers.length} nodes wait`} for` }] : []),
-    ];
+const waits = ({ topic, publishers, subscribers }: GraphTopic) => publishers.length === 0 && subscribers.length > 0 && !PLUMBING.test(topic);
+
+function problemsOf({ topic, publishers, subscribers }: GraphTopic): Problem[] {
+  if (publishers.length === 0) return [];
+  return subscribers.flatMap((one) => {
+    const why = whyBroken(publishers, one);
+    return why ? [{ topic, text: `${one.node || "a node outside"} hears nothing: ${why}` }] : [];
   });
 }

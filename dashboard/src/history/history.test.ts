@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
 import type { StoredMessage } from "../api/history_types";
 import { FrameError } from "../live/records";
-import { Timeline } from "../panels/timeline";
-import { parseAt, recordOf } from "./at_frame";
+import { Timeline } from "../panels/plots/timeline";
+import { parseSnapshot, recordOf } from "./snapshot_frame";
 import { Latest } from "./latest";
 import { Past, type Asks } from "./past";
 import { frameAround, msOf, parseMoment, ticksOf, windowAround, windowFor, xOf } from "./span";
@@ -33,7 +33,7 @@ const turn = () => new Promise((done) => setTimeout(done));
 
 test("an answer of head and records, whatever the length of the head", () => {
   for (const pad of ["", "x", "xx", "xxx", "xxxxxxx"]) {
-    const found = parseAt(answer(head({ pad }), [7, 8, 9]));
+    const found = parseSnapshot(answer(head({ pad }), [7, 8, 9]));
     expect([...found.records.get("/a/scan")!.payload]).toEqual([7, 8, 9]);
     expect(found.records.get("/a/scan")!.stampMs).toBe(1000);
   }
@@ -41,7 +41,7 @@ test("an answer of head and records, whatever the length of the head", () => {
 
 test("an answer that is cut off is an error, never a part", () => {
   const whole = answer(head(), [1, 2, 3]);
-  for (const size of [0, 3, 10, whole.byteLength - 1]) expect(() => parseAt(whole.slice(0, size))).toThrow(FrameError);
+  for (const size of [0, 3, 10, whole.byteLength - 1]) expect(() => parseSnapshot(whole.slice(0, size))).toThrow(FrameError);
 });
 
 test("a stored message as a record", () => {

@@ -1,4 +1,4 @@
-/** What time the page shows: LIVE (null) or an instant, which the address holds as `t`. */
+/** The time that the page shows: LIVE (null) or an instant, which the address holds as `t`. */
 
 import { batch, computed, effect, signal } from "@preact/signals";
 import { rfc3339 } from "../api/history";

@@ -12,7 +12,7 @@ import { historyApi } from "../api/history";
 import type { AtHeader, Missing, StoredMessage } from "../api/history_types";
 import type { Channel } from "../api/types";
 import type { StreamRecord } from "../live/records";
-import { parseAt, recordOf, type AtAnswer } from "./at_frame";
+import { parseSnapshot, recordOf, type Snapshot } from "./snapshot_frame";
 import { Latest } from "./latest";
 
 /** What is older than this at an instant is not shown at all. */
@@ -32,7 +32,7 @@ export interface Watch {
 interface Answer {
   tMs: number;
   watches: Watch[];
-  at: AtAnswer;
+  at: Snapshot;
   around: StoredMessage[];
 }
 
@@ -116,7 +116,7 @@ export class Past {
       this.asks.at(this.robot, tMs, topics, MAX_AGE_S, abort),
       wide.length > 0 && !preview ? this.asks.messages(this.robot, named, startMs, endMs, MESSAGES, abort) : [],
     ]);
-    return { tMs, watches, at: parseAt(body), around };
+    return { tMs, watches, at: parseSnapshot(body), around };
   }
 
   #apply({ tMs, watches, at, around }: Answer): void {

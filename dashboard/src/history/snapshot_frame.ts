@@ -1,17 +1,17 @@
-/** The answer to "what was there at t": u32 length of a JSON head, the head, then one frame of the stream's records. */
+/** The snapshot of an instant as the gateway sends it: u32 length of a JSON head, the head, then one frame of the stream's records. */
 
 import type { AtHeader, StoredMessage } from "../api/history_types";
 import type { Channel } from "../api/types";
 import { FrameError, parseFrame, type StreamRecord } from "../live/records";
 
-export interface AtAnswer {
+export interface Snapshot {
   header: AtHeader;
   /** By topic: what a topic is, and its sample, of those that have one. */
   channels: Map<string, Channel>;
   records: Map<string, StreamRecord>;
 }
 
-export function parseAt(body: ArrayBuffer): AtAnswer {
+export function parseSnapshot(body: ArrayBuffer): Snapshot {
   if (body.byteLength < 4) throw new FrameError("the answer has no head");
   const size = new DataView(body).getUint32(0, true);
   if (4 + size > body.byteLength) throw new FrameError("the answer's head is cut off");

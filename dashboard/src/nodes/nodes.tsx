@@ -11,9 +11,9 @@ import { place, robotHref, setParam } from "../ui/url";
 import { NodePanel } from "./node_panel";
 import { NodeTableRow } from "./node_row";
 import { resultWords } from "./node_words";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/nodes.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/nodes.css";
 
 const LOOK_MS = 2000;
 

@@ -5,10 +5,10 @@ import { Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
 import { nodesApi, type Node, type Parameter, type SetResult } from "../api/nodes";
 import { can } from "../api/session";
-import { shown } from "./compare";
-import { isNumeric, same, type Json } from "./json";
-import { ValueField } from "./value_field";
-import { KIND_WORDS, type Kind, type Range } from "./values";
+import { isNumeric, same, type Json } from "../values/json";
+import { shown } from "../values/value_text";
+import { ValueField } from "../values/value_field";
+import { KIND_WORDS, type Kind, type Range } from "../values/values";
 
 const LOOK_MS = 10_000;
 

@@ -5,16 +5,16 @@ import { useEffect, useLayoutEffect, useMemo } from "preact/hooks";
 import { openSocket, robotPath } from "../api/client";
 import { can, session } from "../api/session";
 import type { Robot, Topic } from "../api/types";
-import { bestCoding, openMicrophone } from "../live/microphone";
-import { packetOf } from "../live/sound";
-import { canOpus, SoundPlayer } from "../live/sound_player";
-import { Talk, type TalkSocket, type TalkState } from "../live/talk";
-import "../ui/audio.css";
+import { bestCoding, openMicrophone } from "../live/media/microphone";
+import { packetOf } from "../live/media/sound";
+import { canOpus, SoundPlayer } from "../live/media/sound_player";
+import { Talk, type TalkSocket, type TalkState } from "../live/media/talk";
+import "../styles/audio.css";
 import { useLive } from "../ui/context";
 import { fixed, relativeTopic } from "../ui/format";
 import { Card, MayNot } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
-import type { LazyCardProps } from "../views/lazy_cards";
+import type { CardProps } from "./card_props";
 
 /** A second of packets. */
 const DEPTH = 50;
@@ -29,7 +29,7 @@ const WORDS: Record<TalkState, string> = {
   lost: "Silent",
 };
 
-export function AudioCard({ robot, topics }: LazyCardProps) {
+export function AudioCard({ robot, topics }: CardProps) {
   if (useLive().past !== null) return null;
   const speaker = topics.some(({ topic }) => topic.endsWith(TALK));
   const heard = microphonesOf(topics);

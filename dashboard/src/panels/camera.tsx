@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
-import type { Decoded } from "../live/decoder";
+import type { Decoded } from "../live/media/decoder";
 import { useLive } from "../ui/context";
 import { inNextFrame } from "../ui/paint";
 import { Card } from "../ui/parts";

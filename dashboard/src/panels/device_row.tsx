@@ -1,4 +1,4 @@
-/** One device: what it is, how it stands in a word, its rate; what it counts when unfolded. */
+/** One device: what it is, its status, its rate; what it counts when unfolded. */
 
 import { ageText } from "../live/age";
 import { relativeTopic, short } from "../ui/format";

@@ -1,4 +1,4 @@
-/** What hangs on the robot and how it stands: a row a device, from its diagnostics, the worst first. */
+/** The robot's devices and their status: a row a device, from its diagnostics, the worst first. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
@@ -7,10 +7,10 @@ import { STALE_AFTER_MS } from "../live/age";
 import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
-import type { LazyCardProps } from "../views/lazy_cards";
+import type { CardProps } from "./card_props";
 import { DeviceRow } from "./device_row";
 import { DevicesModel, type Device } from "./devices_model";
-import "../ui/devices.css";
+import "../styles/devices.css";
 
 /** Every device's message counts: none gives way to a newer one of another. */
 const DEPTH = 128;
@@ -19,7 +19,7 @@ const DRAW_MS = 200;
 /** In the past: devices that said something in so many seconds before. The history thins what many say. */
 const BACK_S = 10;
 
-export function DevicesCard({ robot, topics }: LazyCardProps) {
+export function DevicesCard({ robot, topics }: CardProps) {
   const { at, past } = useLive();
   const model = useMemo(() => new DevicesModel(), [robot.id]);
   const version = useSignal(0);

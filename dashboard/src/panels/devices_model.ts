@@ -1,4 +1,4 @@
-/** Devices as their diagnostics tell of them (diagnostic_msgs/DiagnosticArray): of our drivers, and of any other ROS node. */
+/** Devices by their diagnostics (diagnostic_msgs/DiagnosticArray): of our drivers, and of any other ROS node. */
 
 /** Worst first. `silent` is the page's own word: it said nothing for long. */
 export const STATES = ["failed", "error", "waiting", "silent", "stale", "warning", "opening", "working", "ok", "resting"] as const;

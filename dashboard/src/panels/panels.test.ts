@@ -1,9 +1,9 @@
 import { expect, test } from "vitest";
 import type { Topic } from "../api/types";
-import { aimOfKeys, aimOfPointer } from "./aim";
-import { plotsOf } from "./plot_table";
+import { speedOfKeys, speedOfPointer } from "./teleop_input";
+import { plotsOf } from "./plots/plot_table";
 import { layoutOf } from "./registry";
-import { Timeline } from "./timeline";
+import { Timeline } from "./plots/timeline";
 import { MAX_ROWS, treeRows } from "./tree_rows";
 
 const LIMITS = { linear: 0.5, angular: 1 };
@@ -11,16 +11,16 @@ const topic = (name: string, type: string, publishers = 1) =>
   ({ topic: name, type, publishers, messages: 0, received: 0, encoding: "cdr" }) as Topic;
 
 test("keys: up is forward, left is a positive turn, opposite keys cancel", () => {
-  expect(aimOfKeys(["KeyW"], LIMITS)).toEqual({ linear: 0.5, angular: 0 });
-  expect(aimOfKeys(["ArrowUp", "KeyA"], LIMITS)).toEqual({ linear: 0.5, angular: 1 });
-  expect(aimOfKeys(["KeyW", "KeyS"], LIMITS)).toEqual({ linear: 0, angular: 0 });
-  expect(aimOfKeys(["KeyW", "ArrowUp"], LIMITS).linear).toBe(0.5);
+  expect(speedOfKeys(["KeyW"], LIMITS)).toEqual({ linear: 0.5, angular: 0 });
+  expect(speedOfKeys(["ArrowUp", "KeyA"], LIMITS)).toEqual({ linear: 0.5, angular: 1 });
+  expect(speedOfKeys(["KeyW", "KeyS"], LIMITS)).toEqual({ linear: 0, angular: 0 });
+  expect(speedOfKeys(["KeyW", "ArrowUp"], LIMITS).linear).toBe(0.5);
 });
 
 test("pointer: the middle is a dead zone, the rim is full speed", () => {
-  expect(aimOfPointer(0.05, -0.05, LIMITS)).toEqual({ linear: 0, angular: 0 });
-  expect(aimOfPointer(0, -1, LIMITS)).toEqual({ linear: 0.5, angular: 0 });
-  expect(aimOfPointer(1, 0, LIMITS)).toEqual({ linear: 0, angular: -1 });
+  expect(speedOfPointer(0.05, -0.05, LIMITS)).toEqual({ linear: 0, angular: 0 });
+  expect(speedOfPointer(0, -1, LIMITS)).toEqual({ linear: 0.5, angular: 0 });
+  expect(speedOfPointer(1, 0, LIMITS)).toEqual({ linear: 0, angular: -1 });
 });
 
 test("cards by type: a map pairs a scan with the odometry beside it", () => {

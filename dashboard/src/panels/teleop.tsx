@@ -8,7 +8,7 @@ import { can, session } from "../api/session";
 import { Teleop, type Aim, type TeleopState } from "../live/teleop";
 import { fixed } from "../ui/format";
 import { Card } from "../ui/parts";
-import { aimOfKeys, aimOfPointer, isDriveKey } from "./aim";
+import { speedOfKeys, speedOfPointer, isDriveKey } from "./teleop_input";
 
 const WORDS: Record<TeleopState, string> = {
   idle: "Hold to drive",
@@ -64,7 +64,7 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
     const y = (event.clientY - box.top - box.height / 2) / (box.height / 2);
     const length = Math.max(1, Math.hypot(x, y));
     thumb.value = { x: x / length, y: y / length };
-    return aimOfPointer(x / length, y / length, SPEEDS[speed.value]);
+    return speedOfPointer(x / length, y / length, SPEEDS[speed.value]);
   };
   const press = (event: KeyboardEvent, down: boolean) => {
     if (!isDriveKey(event.code) || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -72,7 +72,7 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
     if (down) keys.current.add(event.code);
     else keys.current.delete(event.code);
     if (keys.current.size === 0) return stop();
-    const aim = aimOfKeys(keys.current, SPEEDS[speed.value]);
+    const aim = speedOfKeys(keys.current, SPEEDS[speed.value]);
     thumb.value = { x: -aim.angular / SPEEDS[speed.value].angular || 0, y: -aim.linear / SPEEDS[speed.value].linear || 0 };
     if (!event.repeat || !down) teleop.hold(aim);
     teleop.aim(aim);

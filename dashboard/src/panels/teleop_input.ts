@@ -1,4 +1,4 @@
-/** From keys and a pointer to a speed: forward is up, left is a positive turn, as ROS has it. */
+/** Teleoperation input: keys and a pointer to speeds; forward is up, left is a positive turn, as in ROS. */
 
 import type { Aim } from "../live/teleop";
 
@@ -24,7 +24,7 @@ const clamp = (value: number) => Math.max(-1, Math.min(1, value));
 
 export const isDriveKey = (code: string) => code in KEYS;
 
-export function aimOfKeys(codes: Iterable<string>, limits: Limits): Aim {
+export function speedOfKeys(codes: Iterable<string>, limits: Limits): Aim {
   let forward = 0;
   let left = 0;
   for (const code of codes) {
@@ -35,7 +35,7 @@ export function aimOfKeys(codes: Iterable<string>, limits: Limits): Aim {
 }
 
 /** `x` to the right and `y` down, as parts of the pad's radius. */
-export function aimOfPointer(x: number, y: number, limits: Limits): Aim {
+export function speedOfPointer(x: number, y: number, limits: Limits): Aim {
   const live = (value: number) => (Math.abs(value) < DEAD_ZONE ? 0 : clamp(value));
   return { linear: -live(y) * limits.linear || 0, angular: -live(x) * limits.angular || 0 };
 }

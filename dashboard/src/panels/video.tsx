@@ -4,12 +4,12 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
 import type { Missing } from "../api/history_types";
-import { VideoPlayer } from "../live/video_player";
+import { VideoPlayer } from "../live/media/video_player";
 import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
 import { useVisible } from "../ui/use_visible";
-import "../ui/video.css";
+import "../styles/video.css";
 import { CameraCard } from "./camera";
 import { usePicture } from "./picture";
 

@@ -10,7 +10,7 @@ import { can } from "../api/session";
 import { ageText, now } from "../live/age";
 import { duration } from "../ui/format";
 import { Link, MayNot } from "../ui/parts";
-import { MemberTable } from "./members";
+import { RolloutRobotTable } from "./rollout_robots";
 import { ResumeDialog } from "./resume_dialog";
 import { WaveLegend, WaveRows } from "./wave_bars";
 import { isOpen, robotsText, settled, STATE_TONES, STATE_WORDS, thingOf } from "./words";
@@ -49,7 +49,7 @@ export function RolloutPage({ id }: { id: string }) {
         <WaveLegend />
       </section>
       <Facts one={one} />
-      <MemberTable members={one.members} counts={one.counts} />
+      <RolloutRobotTable members={one.members} counts={one.counts} />
     </>
   );
 }
@@ -63,7 +63,7 @@ function Why({ one }: { one: Rollout }) {
         <div>
           <h2>It halted by itself</h2>
           <p class="wrap">{one.reason}</p>
-          <p>Robots that were at it go on; nobody else is told. Mend it and resume with the mended version, or go on all the same, or end it.</p>
+          <p>Robots that were at it go on; no other robot gets the version. Mend it and resume with the mended version, or go on all the same, or end it.</p>
         </div>
       </section>
     );
@@ -93,7 +93,7 @@ function Actions({ one, refresh }: { one: RolloutDetail; refresh: () => Promise<
 
 const pauseQuestion = (one: Rollout, done: () => Promise<void>): Question => ({
   title: `Pause ${thingOf(one)}?`,
-  text: <p>Nobody else is told until somebody resumes it. The {robotsText(one.counts.starting + one.counts.updating)} at it go on.</p>,
+  text: <p>No other robot gets the version until somebody resumes it. The {robotsText(one.counts.starting + one.counts.updating)} at it go on.</p>,
   yes: "Pause",
   reason: "Why",
   run: async (reason) => {
@@ -106,7 +106,7 @@ const abortQuestion = (one: Rollout, done: () => Promise<void>): Question => ({
   title: `End ${thingOf(one)} for good?`,
   text: (
     <p>
-      {robotsText(one.counts.waiting)} that wait are left out. Robots that were told keep what their twins say: nothing is taken back. It cannot be
+      {robotsText(one.counts.waiting)} that wait are left out. Robots that got the version keep what their twins say: nothing is taken back. It cannot be
       resumed.
     </p>
   ),

@@ -13,7 +13,7 @@ import { foundAmong, MEMBER_TONES, MEMBER_WORDS, worstFirst } from "./words";
 const SHOWN = 200;
 const STATES = Object.keys(MEMBER_WORDS) as MemberState[];
 
-export function MemberTable({ members, counts }: { members: Member[]; counts: Record<MemberState, number> }) {
+export function RolloutRobotTable({ members, counts }: { members: Member[]; counts: Record<MemberState, number> }) {
   const most = useSignal(SHOWN);
   const asked = place.value.params.get("state") ?? "";
   const state = (STATES as string[]).includes(asked) ? asked : "";

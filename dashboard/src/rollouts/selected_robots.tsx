@@ -1,4 +1,4 @@
-/** Which robots a selector names: asked of the gateway a moment after the last key. */
+/** The robots that a selector selects, fetched from the gateway shortly after the last key. */
 
 import { useSignal, type Signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -9,14 +9,14 @@ import { robotsText } from "./words";
 const PAUSE_MS = 350;
 const SHOWN = 40;
 
-export interface Named {
+export interface SelectedRobots {
   /** Null while it is asked. */
   robots: string[] | null;
   problem: string;
 }
 
-export function useNamed(selector: string): Signal<Named> {
-  const named = useSignal<Named>({ robots: null, problem: "" });
+export function useSelectedRobots(selector: string): Signal<SelectedRobots> {
+  const named = useSignal<SelectedRobots>({ robots: null, problem: "" });
   useEffect(() => {
     const stop = new AbortController();
     named.value = { robots: null, problem: "" };
@@ -38,7 +38,7 @@ export function useNamed(selector: string): Signal<Named> {
 }
 
 /** How many, how many of them are away, and which. */
-export function NamedRobots({ named }: { named: Named }) {
+export function SelectedRobotsList({ named }: { named: SelectedRobots }) {
   if (named.problem) return <p class="bad wrap" role="alert">{named.problem}</p>;
   const names = named.robots;
   if (names === null) return <p class="hint">Looking…</p>;

@@ -2,13 +2,13 @@
 
 import { TextField } from "../admin/fields";
 import { robots } from "../live/fleet";
-import { NamedRobots, useNamed } from "./named";
+import { SelectedRobotsList, useSelectedRobots } from "./selected_robots";
 import { labelsOf, withTerm } from "./words";
 
 const LABELS = 12;
 
 export function SelectorField({ value, onInput }: { value: string; onInput: (selector: string) => void }) {
-  const named = useNamed(value.trim());
+  const named = useSelectedRobots(value.trim());
   const labels = labelsOf(robots.value ?? [], LABELS);
   return (
     <>
@@ -22,7 +22,7 @@ export function SelectorField({ value, onInput }: { value: string; onInput: (sel
           ))}
         </div>
       )}
-      <NamedRobots named={named.value} />
+      <SelectedRobotsList named={named.value} />
     </>
   );
 }

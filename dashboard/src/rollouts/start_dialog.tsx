@@ -2,7 +2,7 @@
 
 import { useSignal, type Signal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
@@ -96,7 +96,7 @@ function HowFields({ plan }: PlanProps) {
   const { waves, failures, healthS, steadyS, offlineS } = plan.value;
   return (
     <>
-      <Choice label="How" choices={CARE.map(([word, text]) => [text, word])} chosen={waves} onChoose={(text) => set({ waves: text })} />
+      <SegmentedControl label="How" choices={CARE.map(([word, text]) => [text, word])} chosen={waves} onChoose={(text) => set({ waves: text })} />
       <TextField label="Waves" mono hint="Numbers of robots, or percentages of all. What they leave is a last wave." value={waves} onInput={(text) => set({ waves: text })} />
       <details class="limits">
         <summary>When a robot counts as failed</summary>

@@ -5,7 +5,7 @@ import { useEffect } from "preact/hooks";
 import { TextField } from "../admin/fields";
 import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { templatesApi, type Template, type TemplateChange, type TemplateOptions } from "../api/templates";
-import { Plan } from "../fleet_ops/review";
+import { Plan } from "../twin/review";
 import { USUAL_WINDOW_S } from "./template_editor";
 
 export function TemplateDrop({ one, onClose, onDone }: { one: Template; onClose: () => void; onDone: () => Promise<void> }) {

@@ -2,17 +2,17 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import { Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
 import { templatesApi, type Template, type TemplateChange } from "../api/templates";
 import { twinApi } from "../api/twin";
-import { documentOf, textOfDocument } from "../fleet_ops/draft";
-import { writeJson, type JsonObject } from "../fleet_ops/json";
-import { Plan } from "../fleet_ops/review";
-import { sectionsOf } from "../fleet_ops/schema";
-import { TwinForm } from "../fleet_ops/twin_form";
+import { documentOf, textOfDocument } from "../twin/draft";
+import { Plan } from "../twin/review";
+import { sectionsOf } from "../twin/schema";
+import { TwinForm } from "../twin/twin_form";
+import { writeJson, type JsonObject } from "../values/json";
 import { SelectorField } from "./selector_field";
 import { robotsText } from "./words";
 
@@ -81,7 +81,7 @@ export function TemplateEditor({ like, taken, onCancel, onDone }: EditorProps) {
         <DocumentField document={document} text={text} invalid={invalid} problem={"problem" in read ? read.problem : ""} />
         <div class="template-fields">
           <TextField label="Reason" note="for the history" most={200} value={reason.value} onInput={(typed) => (reason.value = typed)} />
-          <Choice label="Goes back by itself after" choices={WINDOWS} chosen={windowS.value} onChoose={(seconds) => (windowS.value = seconds)} />
+          <SegmentedControl label="Goes back by itself after" choices={WINDOWS} chosen={windowS.value} onChoose={(seconds) => (windowS.value = seconds)} />
         </div>
         {made && <Plan shown={made.results} robots={Number(made.robots)} changed={made.results.filter(({ changed }) => changed)} windowS={windowS.value} />}
         <Refusal text={problem.value} />

@@ -4,11 +4,11 @@ import { useSignal } from "@preact/signals";
 import { agoText } from "../admin/accounts";
 import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
-import { templatesApi, type Template, type TemplateChange, type TemplateEntry, type TemplateOptions } from "../api/templates";
 import { can } from "../api/session";
-import { ChangeList } from "../fleet_ops/change_list";
-import { Plan } from "../fleet_ops/review";
+import { templatesApi, type Template, type TemplateChange, type TemplateEntry, type TemplateOptions } from "../api/templates";
 import { now } from "../live/age";
+import { ChangeList } from "../twin/change_list";
+import { Plan } from "../twin/review";
 import { USUAL_WINDOW_S } from "./template_editor";
 import { robotsText } from "./words";
 

@@ -3,12 +3,12 @@
 import { useSignal } from "@preact/signals";
 import { Refusal } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
-import { templatesApi, type Template } from "../api/templates";
 import { can } from "../api/session";
-import { textOfDocument } from "../fleet_ops/draft";
-import { isObject } from "../fleet_ops/json";
+import { templatesApi, type Template } from "../api/templates";
 import { ageText, now } from "../live/age";
+import { textOfDocument } from "../twin/draft";
 import { MayNot } from "../ui/parts";
+import { isObject } from "../values/json";
 import { TemplateDrop } from "./template_drop";
 import { TemplateEditor } from "./template_editor";
 import { TemplateHistory } from "./template_history";

@@ -1,9 +1,9 @@
 /** Rollouts in words and numbers: states, waves, which robots need somebody. */
 
-import type { Bundle, Member, MemberState, Rollout, RolloutState, Wave } from "../api/rollouts";
 import type { Tone } from "../admin/badge";
+import type { Bundle, Member, MemberState, Rollout, RolloutState, Wave } from "../api/rollouts";
 import type { Template } from "../api/templates";
-import { isObject } from "../fleet_ops/json";
+import { isObject } from "../values/json";
 
 export const STATE_TONES: Record<RolloutState, Tone> = { running: "good", paused: "warn", halted: "bad", done: "good", aborted: "off" };
 export const STATE_WORDS: Record<RolloutState, string> = {
@@ -51,7 +51,7 @@ export const allowedOf = (rate: number, size: number) => Math.floor(rate * size 
 export const MEMBER_WORDS: Record<MemberState, string> = {
   failed: "failed",
   updating: "updating",
-  starting: "is told",
+  starting: "being notified",
   waiting: "waiting",
   unreached: "left out",
   done: "done",

@@ -1,7 +1,7 @@
 /** A rule's document while it is edited: its text is what counts, the form reads and writes parts of it. */
 
 import type { Document, Rule, RuleFault } from "../api/rules";
-import { copy, isObject, readJson, writeJson, type Json, type JsonObject } from "../fleet_ops/json";
+import { copy, isObject, readJson, writeJson, type Json, type JsonObject } from "../values/json";
 import type { Source } from "./words";
 
 export const INDENT = 2;

@@ -5,8 +5,8 @@ import { useRef } from "preact/hooks";
 import { Badge } from "../admin/badge";
 import { Refusal, useAttempt } from "../admin/modal";
 import { rulesApi, type DryFiring, type DryRunResult } from "../api/rules";
-import type { JsonObject } from "../fleet_ops/json";
 import { clockTime, dayText, integer } from "../ui/format";
+import type { JsonObject } from "../values/json";
 import { BACK, lanesOf } from "./times";
 
 const MOST = 500;

@@ -4,7 +4,7 @@ import { useSignal, type Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { saidOf } from "../api/client";
 import { rulesApi, type RuleFault } from "../api/rules";
-import type { JsonObject } from "../fleet_ops/json";
+import type { JsonObject } from "../values/json";
 import { lineOf, read, textOf } from "./document";
 import { RuleForm } from "./form";
 

@@ -1,22 +1,17 @@
 /** A rule as a form: what it listens to, what has to hold, what it does. Whatever it does not show stays as it is. */
 
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
-import type { Document, RuleFault } from "../api/rules";
-import { isObject, numeric, type Json, type JsonObject } from "../fleet_ops/json";
+import type { Document } from "../api/rules";
+import { isObject, numeric, type Json, type JsonObject } from "../values/json";
 import { faultAt, withPlace, withSource } from "./document";
+import type { FormProps } from "./form_props";
 import { JsonField } from "./json_field";
 import { ScheduleFields } from "./schedule_fields";
 import { fieldText, fieldValue, TARGETS } from "./target_fields";
 import { TargetsForm } from "./targets_form";
 import { TYPES } from "./types";
 import { SOURCES, sourceOf } from "./words";
-
-export interface FormProps {
-  document: JsonObject;
-  faults: readonly RuleFault[];
-  onChange: (document: JsonObject) => void;
-}
 
 const list = (value: Json | undefined) => (Array.isArray(value) ? value : []);
 
@@ -29,7 +24,7 @@ export function RuleForm({ document, faults, onChange, isNew }: FormProps & { is
       <TextField label="Description" most={1000} value={fieldText(document.description)} problem={faultAt(faults, "description")} onInput={(text) => set(["description"], text || undefined)} />
       <fieldset class="rule-part">
         <legend>When</legend>
-        <Choice label="Listens to" choices={SOURCES} chosen={source} onChoose={(chosen) => chosen !== source && onChange(withSource(document, chosen))} />
+        <SegmentedControl label="Listens to" choices={SOURCES} chosen={source} onChoose={(chosen) => chosen !== source && onChange(withSource(document, chosen))} />
         {source === "pattern" && <PatternFields document={document} faults={faults} onChange={onChange} />}
         {source === "topic" && <TopicFields document={document} faults={faults} onChange={onChange} />}
         {source === "metric" && <MetricFields document={document} faults={faults} onChange={onChange} />}

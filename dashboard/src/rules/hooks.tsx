@@ -1,7 +1,7 @@
-/** Hooks: the doors by which other systems bring something in, each with a secret of its own. */
+/** Hooks: endpoints for webhooks of other systems, each with a secret of its own. */
 
 import { useSignal } from "@preact/signals";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import { Confirm, Modal, Refusal, useAttempt, type Question } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
@@ -40,7 +40,7 @@ export function HooksPart() {
   return (
     <>
       <div class="section-head">
-        <p class="hint">A hook takes in any JSON that another system sends, as a happening that rules listen to.</p>
+        <p class="hint">A hook takes in any JSON that another system sends, as an event that rules listen to.</p>
         {can("rules.write") ? <button type="button" class="button button-solid" onClick={() => (making.value = true)}>New hook…</button> : <MayNot what="make hooks" least="Admins" />}
       </div>
       <Refusal text={asked.problem.value} />
@@ -93,7 +93,7 @@ function HookDialog({ onClose, onMade }: { onClose: () => void; onMade: (hook: H
         >
           <TextField label="Name" mono focus most={63} hint="Its address ends with it: a-z, 0-9, _ . -" value={name} onInput={(text) => set({ name: text })} />
           <TextField label="What it is for" most={500} value={description} onInput={(text) => set({ description: text })} />
-          <Choice label="Who sends proves it with" choices={AUTH} chosen={auth} onChoose={(chosen) => set({ auth: chosen })} />
+          <SegmentedControl label="Who sends proves it with" choices={AUTH} chosen={auth} onChoose={(chosen) => set({ auth: chosen })} />
           <TextField label="About the robot" mono placeholder="none" value={robot} onInput={(text) => set({ robot: text })} />
           <Refusal text={problem.value} />
           <div class="dialog-end">

@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
-import { readJson, same, writeJson, type Json } from "../fleet_ops/json";
+import { readJson, same, writeJson, type Json } from "../values/json";
 
 interface JsonFieldProps {
   label: string;

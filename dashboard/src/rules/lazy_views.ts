@@ -1,4 +1,4 @@
-/** What the Rules page shows beside its list, in one piece of code. */
+/** The views of the Rules page beside its list, in one lazily loaded chunk. */
 
 export { HooksPart } from "./hooks";
 export { SchedulesPart } from "./schedules";

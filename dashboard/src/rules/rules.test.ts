@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Document, Rule } from "../api/rules";
-import type { JsonObject } from "../fleet_ops/json";
+import type { JsonObject } from "../values/json";
 import { documentOf, faultAt, lineOf, NEW, read, textOf, withPlace, withSource } from "./document";
 import { fieldsOf, fieldText, fieldValue, newTarget, TARGETS } from "./target_fields";
 import { inText, inZone, lanesOf } from "./times";

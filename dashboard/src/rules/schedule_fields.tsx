@@ -2,14 +2,14 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { TextField } from "../admin/fields";
 import { saidOf } from "../api/client";
 import { rulesApi } from "../api/rules";
-import type { JsonObject } from "../fleet_ops/json";
 import { now } from "../live/age";
+import type { JsonObject } from "../values/json";
 import { faultAt, withPlace } from "./document";
-import type { FormProps } from "./form";
+import type { FormProps } from "./form_props";
 import { fieldText } from "./target_fields";
 import { inText, inZone } from "./times";
 
@@ -29,7 +29,7 @@ export function ScheduleFields({ document, faults, onChange }: FormProps) {
         <TextField label="Schedule" mono hint="rate(5 minutes), cron(0 3 * * ? *), at(2027-01-01T09:00:00)" value={expression} problem={faultAt(faults, "schedule.expression")} onInput={(text) => set("expression", text)} />
         <TextField label="Time zone" mono options={ZONES} value={fieldText(schedule.timezone)} problem={faultAt(faults, "schedule.timezone")} onInput={(text) => set("timezone", text)} />
       </div>
-      <Choice label="Times that were missed" choices={MISFIRES} chosen={fieldText(schedule.misfire) || "skip"} onChoose={(chosen) => set("misfire", chosen)} />
+      <SegmentedControl label="Times that were missed" choices={MISFIRES} chosen={fieldText(schedule.misfire) || "skip"} onChoose={(chosen) => set("misfire", chosen)} />
       <NextTimes expression={expression} zone={zone} />
     </>
   );

@@ -1,6 +1,6 @@
 /** The table of what rules do: the fields of each kind of target, as gateway/rules/target_kinds.py has them. */
 
-import type { Json, JsonObject } from "../fleet_ops/json";
+import type { Json, JsonObject } from "../values/json";
 
 export interface TargetField {
   key: string;

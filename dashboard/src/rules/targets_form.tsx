@@ -6,9 +6,9 @@ import { useAsked } from "../admin/use_list";
 import { call } from "../api/call";
 import type { RuleFault } from "../api/rules";
 import { can } from "../api/session";
-import { isObject, type Json, type JsonObject } from "../fleet_ops/json";
+import { isObject, type Json, type JsonObject } from "../values/json";
 import { faultAt, withPlace } from "./document";
-import type { FormProps } from "./form";
+import type { FormProps } from "./form_props";
 import { JsonField } from "./json_field";
 import { fieldsOf, fieldText, fieldValue, newTarget, TARGETS } from "./target_fields";
 

@@ -1,10 +1,10 @@
 /** What a rule says, in words: what it listens to, what has to hold, what it does then. */
 
 import type { Document, Rule } from "../api/rules";
-import { Exact, isObject, writeJson, type Json, type JsonObject } from "../fleet_ops/json";
+import { Exact, isObject, writeJson, type Json, type JsonObject } from "../values/json";
 
 export type Source = "pattern" | "topic" | "metric" | "schedule";
-export const SOURCES: readonly (readonly [Source, string])[] = [["pattern", "happening"], ["topic", "topic"], ["metric", "number"], ["schedule", "schedule"]];
+export const SOURCES: readonly (readonly [Source, string])[] = [["pattern", "event"], ["topic", "topic"], ["metric", "number"], ["schedule", "schedule"]];
 
 export const ruleHref = (name: string, tab = "") => `/rules/${encodeURIComponent(name)}${tab && `?tab=${tab}`}`;
 export const sourceOf = (document: Document): Source => (["topic", "metric", "schedule"] as const).find((name) => document[name] != null) ?? "pattern";

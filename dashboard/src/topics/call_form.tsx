@@ -5,9 +5,9 @@ import { Refusal, useAttempt } from "../admin/modal";
 import { introspectApi } from "../api/introspect";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
-import type { JsonObject } from "../fleet_ops/json";
-import { writeJson } from "../fleet_ops/json";
 import { MayNot } from "../ui/parts";
+import type { JsonObject } from "../values/json";
+import { writeJson } from "../values/json";
 import { DraftFields, useDraft } from "./draft";
 
 const TIMEOUT_S = 10;

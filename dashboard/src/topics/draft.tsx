@@ -3,9 +3,9 @@
 import { useSignal, type Signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
 import { Refusal } from "../admin/modal";
-import { introspectApi, type TypeShape } from "../api/introspect";
 import { saidOf } from "../api/client";
-import { isObject, readJson, writeJson, type JsonObject } from "../fleet_ops/json";
+import { introspectApi, type TypeShape } from "../api/introspect";
+import { isObject, readJson, writeJson, type JsonObject } from "../values/json";
 import { MessageFields } from "./message_form";
 import { blankMessage } from "./shape";
 

@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../admin/segmented_control";
 import { CopyField } from "../admin/copy";
 import { Modal, Refusal } from "../admin/modal";
 import { call } from "../api/call";
@@ -53,7 +53,7 @@ function FoxgloveDialog({ robot, onClose }: { robot: string; onClose: () => void
     <Modal title={`${robot} in Foxglove`} onClose={onClose}>
       {(close) => (
         <div class="foxglove">
-          {can("robots.publish") && may && <Choice label="What it may do" choices={ROLES} chosen={role.value} onChoose={(word) => (role.value = word)} />}
+          {can("robots.publish") && may && <SegmentedControl label="What it may do" choices={ROLES} chosen={role.value} onChoose={(word) => (role.value = word)} />}
           <Refusal text={problem.value} />
           {address && (
             <>

@@ -8,8 +8,8 @@ import { newKey } from "../api/exact";
 import { introspectApi, type Goal } from "../api/introspect";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
-import { readJson, writeJson, type JsonObject } from "../fleet_ops/json";
 import { MayNot } from "../ui/parts";
+import { readJson, writeJson, type JsonObject } from "../values/json";
 import { DraftFields, useDraft } from "./draft";
 
 const TIMEOUT_S = 10;
@@ -18,7 +18,7 @@ const TIMEOUT_S = 10;
 const mayHaveBegun = (error: unknown) => error instanceof ApiError && (error.status === 0 || error.status >= 500 || error.code === "idempotency_conflict");
 
 /** What was told last of a goal. */
-interface Standing {
+interface GoalProgress {
   status: Goal["status"];
   message: string;
   feedback: JsonObject | null;
@@ -32,25 +32,25 @@ type Told = { status: Goal["status"]; message: string; feedback?: JsonObject | n
 export function GoalForm({ robot, action, type }: { robot: Robot; action: string; type: string }) {
   const draft = useDraft(robot.id, type, "goal");
   const goal = useSignal("");
-  const standing = useSignal<Standing | null>(null);
+  const progress = useSignal<GoalProgress | null>(null);
   const open = useRef({ text: "", key: "" }); // what was sent and has no answer yet
   const { busy, problem, attempt } = useAttempt();
   useEffect(() => {
     if (!goal.value) return;
     const source = new EventSource(introspectApi.goalUrl(robot.id, goal.value)); // a lost one comes back by itself, and begins with how it stands
     const hear = (kind: "status" | "feedback" | "result") => ({ data }: MessageEvent<string>) => {
-      const before = standing.peek();
+      const before = progress.peek();
       const told = readJson(data) as unknown as Told;
       if (!before) return;
       const { status, message } = told;
-      standing.value = { ...before, status, message, feedback: told.feedback ?? before.feedback, count: before.count + Number(kind === "feedback"), result: told.result ?? null, ended: kind === "result" };
+      progress.value = { ...before, status, message, feedback: told.feedback ?? before.feedback, count: before.count + Number(kind === "feedback"), result: told.result ?? null, ended: kind === "result" };
       if (kind === "result") source.close();
     };
     for (const kind of ["status", "feedback", "result"] as const) source.addEventListener(kind, hear(kind));
     const lost = (why: string) => {
-      const before = standing.peek();
+      const before = progress.peek();
       source.close();
-      if (before && !before.ended) standing.value = { ...before, status: "lost", message: why, ended: true };
+      if (before && !before.ended) progress.value = { ...before, status: "lost", message: why, ended: true };
     };
     source.addEventListener("end", ({ data }: MessageEvent<string>) => lost((readJson(data) as { message: string }).message));
     source.addEventListener("error", () => source.readyState === EventSource.CLOSED && lost("the gateway does not know of it any more"));
@@ -73,24 +73,24 @@ export function GoalForm({ robot, action, type }: { robot: Robot; action: string
   const submit = () =>
     attempt(async () => {
       goal.value = "";
-      standing.value = null;
+      progress.value = null;
       const begun = await send(draft.value.peek());
-      standing.value = { status: begun.status, message: "", feedback: null, count: 0, result: null, ended: false };
+      progress.value = { status: begun.status, message: "", feedback: null, count: 0, result: null, ended: false };
       goal.value = begun.goal;
     });
   const cancel = () =>
     attempt(async () => {
-      if (!(await introspectApi.cancelGoal(robot.id, goal.peek())) && !standing.peek()?.ended) throw new Error("Its server does not stop it.");
+      if (!(await introspectApi.cancelGoal(robot.id, goal.peek())) && !progress.peek()?.ended) throw new Error("Its server does not stop it.");
     });
   if (!can("robots.call")) return <MayNot what="begin goals" />;
-  const now = standing.value;
+  const now = progress.value;
   const under = now !== null && !now.ended;
   return (
     <form class="message-form" data-goal={action} onSubmit={(event) => { event.preventDefault(); if (!under) void submit(); }}>
       <DraftFields draft={draft} part="goal" />
       <Refusal text={problem.value} />
       <div class="message-end">
-        {now && <GoalLine standing={now} />}
+        {now && <GoalLine progress={now} />}
         {under && <button type="button" class="button" disabled={busy.value || now.status === "canceling"} onClick={() => void cancel()}>Cancel goal</button>}
         <button class="button button-solid" onClick={(event) => event.detail > 1 && event.preventDefault()} disabled={busy.value || under || !draft.shape.value || draft.invalid.value.size > 0}>{busy.value && !under ? "Sending…" : under ? "Under way…" : "Send goal"}</button>
       </div>
@@ -100,7 +100,7 @@ export function GoalForm({ robot, action, type }: { robot: Robot; action: string
   );
 }
 
-function GoalLine({ standing: { status, message, count, ended } }: { standing: Standing }) {
+function GoalLine({ progress: { status, message, count, ended } }: { progress: GoalProgress }) {
   const heard = count > 0 ? ` · ${count} ${count === 1 ? "message" : "messages"} of feedback` : "";
   return (
     <span class="goal-line" role="status" data-status={status}>

@@ -1,8 +1,8 @@
 /** A message to fill in, field by field as its type has them; small messages inside it stand in one line. */
 
 import type { FieldShape, TypeShape } from "../api/introspect";
-import { isObject, type Json } from "../fleet_ops/json";
-import { ValueField } from "../fleet_ops/value_field";
+import { isObject, type Json } from "../values/json";
+import { ValueField } from "../values/value_field";
 import { blankItem, fieldOf, isNested, isSmall, lengthProblem, placed, typeText, type Step } from "./shape";
 
 export interface FormProps {

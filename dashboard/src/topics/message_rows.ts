@@ -1,7 +1,7 @@
 /** A message as the rows of a tree that can be opened and closed, in the order of its fields. */
 
-import { blank, Exact, writeJson, type Json } from "../fleet_ops/json";
 import { short } from "../ui/format";
+import { blank, Exact, writeJson, type Json } from "../values/json";
 
 export interface Row {
   /** Unique in the message, the same from message to message. */

@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useMemo, useRef } from "preact/hooks";
 import type { Robot, Topic } from "../api/types";
-import type { Decoded } from "../live/decoder";
+import type { Decoded } from "../live/media/decoder";
 import { clockTime, integer } from "../ui/format";
 import { Freshness } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";

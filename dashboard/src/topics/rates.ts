@@ -1,4 +1,4 @@
-/** The rates of a robot's topics over the last minutes: a point each time that they are told. */
+/** The rates of a robot's topics over the last minutes: a point each time that they are reported. */
 
 import type { Topic } from "../api/types";
 
@@ -8,7 +8,7 @@ const TOPICS = 2000;
 export class Rates {
   #points = new Map<string, number[]>();
 
-  /** Take in what was just told; what is not among it is forgotten. */
+  /** Add the reported rates; topics that are not among them are forgotten. */
   add(topics: readonly Topic[]): void {
     const next = new Map<string, number[]>();
     for (const { topic, type, rate_hz: rate } of topics.slice(0, TOPICS)) {

@@ -1,8 +1,8 @@
 /** A type's shape as forms need it: an empty message, what each field takes, and where a value lies. */
 
 import type { FieldShape, TypeShape } from "../api/introspect";
-import { blank, Exact, isObject, type Json, type JsonObject } from "../fleet_ops/json";
-import type { Field } from "../fleet_ops/schema";
+import { blank, Exact, isObject, type Json, type JsonObject } from "../values/json";
+import type { Field } from "../values/values";
 
 export type Step = string | number;
 

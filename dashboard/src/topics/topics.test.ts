@@ -1,8 +1,8 @@
 import { expect, test } from "vitest";
 import type { FieldShape, TypeShape } from "../api/introspect";
 import type { Topic } from "../api/types";
-import { writeJson } from "../fleet_ops/json";
-import { parsed } from "../fleet_ops/values";
+import { writeJson } from "../values/json";
+import { parsed } from "../values/values";
 import { foxgloveUrl, viewerUrl } from "./foxglove";
 import { asJson, MAX_ROWS, messageRows } from "./message_rows";
 import { qosOf } from "./qos";

@@ -1,6 +1,7 @@
 /** Changes of a document, each as what goes and what comes: by colour, sign and word. */
 
-import { SECTIONS, shown } from "./compare";
+import { shown } from "../values/value_text";
+import { SECTIONS } from "./compare";
 import { pathOf, unfolded, type Change } from "./document";
 
 const SIGNS: Record<Change["verb"], [string, string]> = { add: ["+", "added"], remove: ["−", "removed"], change: ["~", "changed"] };

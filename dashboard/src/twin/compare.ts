@@ -1,8 +1,8 @@
 /** Desired beside what is so: one row for each value of the document, with what the robot itself has there. */
 
 import type { Twin } from "../api/twin";
+import { isNumeric, isObject, same, type Json, type JsonObject } from "../values/json";
 import { at, leaves, undone, type Path } from "./document";
-import { isNumeric, isObject, same, type Json, type JsonObject } from "./json";
 
 export type Mark = "same" | "add" | "remove" | "change" | "unknown";
 
@@ -105,13 +105,3 @@ const seen = (value: Json | undefined, why = ""): Seen | null => (value === unde
 /** A node's name in full, as the robot reports it. */
 const fullName = (name: string, namespace: string) =>
   name.startsWith("/") ? name : `${namespace.replace(/\/$/, "")}/${name}`;
-
-/** Values as they are read: text without quotes, everything else as JSON. */
-export function shown(value: Json | undefined): string {
-  if (value === undefined) return "–";
-  if (typeof value === "string") return value === "" ? "“”" : value;
-  if (value === null) return "taken away";
-  if (Array.isArray(value)) return value.length === 0 ? "[]" : value.map(shown).join(", ");
-  if (isObject(value)) return Object.keys(value).length === 0 ? "{}" : Object.entries(value).map(([key, item]) => `${key} ${shown(item)}`).join(", ");
-  return String(value);
-}

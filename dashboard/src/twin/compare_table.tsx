@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { Fragment } from "preact";
-import { SECTIONS, shown, type Compared, type Mark } from "./compare";
+import { shown } from "../values/value_text";
+import { SECTIONS, type Compared, type Mark } from "./compare";
 
 const WORDS: Record<Mark, string> = {
   same: "as desired",

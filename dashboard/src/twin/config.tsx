@@ -12,10 +12,10 @@ import { compare } from "./compare";
 import { CompareTable } from "./compare_table";
 import { begun, type Draft } from "./draft";
 import { Editor } from "./editor";
-import { StandingCard } from "./standing_card";
+import { SyncStatusCard } from "./sync_status_card";
 import { TwinHistory } from "./twin_history";
-import "../ui/admin.css";
-import "../ui/ops.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
 
 const LOOK_MS = 2000;
 const LISTED = 20;
@@ -43,7 +43,7 @@ export function ConfigTab({ robot }: { robot: Robot }) {
   return (
     <div class="ops">
       <Refusal text={asked.problem.value} />
-      <StandingCard twin={twin} online={robot.state === "online"} onChanged={refresh} onEdit={can("twin.write") && !draft.value ? () => (draft.value = begun(twin)) : null} />
+      <SyncStatusCard twin={twin} online={robot.state === "online"} onChanged={refresh} onEdit={can("twin.write") && !draft.value ? () => (draft.value = begun(twin)) : null} />
       {!can("twin.write") && <MayNot what="change what a robot is to be" />}
       {draft.value && (
         <Editor

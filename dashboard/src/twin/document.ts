@@ -1,6 +1,6 @@
 /** Parts of a twin's document: read and set by a path, and the merge patch (RFC 7396) between two. */
 
-import { blank, copy, isObject, same, type Json, type JsonObject } from "./json";
+import { blank, copy, isObject, same, type Json, type JsonObject } from "../values/json";
 
 export type Path = readonly string[];
 

@@ -1,6 +1,6 @@
 /** What a person makes of the robot's own document before anything is stored: a form's document, or a text. */
 
-import { same, isObject, readJson, writeJson, type JsonObject } from "./json";
+import { same, isObject, readJson, writeJson, type JsonObject } from "../values/json";
 
 export interface Draft {
   /** The own document that it was begun from. */

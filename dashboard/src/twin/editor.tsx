@@ -2,8 +2,8 @@
 
 import type { Signal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { useAsked } from "../admin/use_list";
 import { Refusal } from "../admin/modal";
+import { useAsked } from "../admin/use_list";
 import { twinApi, type Twin } from "../api/twin";
 import { given, rebased, type Path } from "./document";
 import { begun, documentOf, drafted, draftProblem, textOfDocument, type Draft } from "./draft";

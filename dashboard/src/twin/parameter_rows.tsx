@@ -1,10 +1,10 @@
 /** ROS parameters of a document by name, each with its kind: set, unset, added. */
 
 import { useSignal } from "@preact/signals";
+import { isObject } from "../values/json";
+import { ValueField } from "../values/value_field";
 import { at, put, type Path } from "./document";
-import { isObject } from "./json";
-import type { FormProps } from "./twin_form";
-import { ValueField } from "./value_field";
+import type { FormProps } from "./form_props";
 
 const NAME = /^[A-Za-z_][A-Za-z0-9_.]{0,255}$/;
 

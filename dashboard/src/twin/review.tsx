@@ -6,10 +6,10 @@ import { TextField } from "../admin/fields";
 import { Refusal, useAttempt } from "../admin/modal";
 import { twinApi, type Twin, type TwinChange } from "../api/twin";
 import { duration } from "../ui/format";
+import { writeJson } from "../values/json";
 import { ChangeList } from "./change_list";
 import { patchBetween } from "./document";
 import { drafted, draftProblem, untouched, type Draft } from "./draft";
-import { writeJson } from "./json";
 
 const WINDOWS_S = [15, 60, 300, 1800];
 const LISTED = 50;

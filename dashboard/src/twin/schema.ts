@@ -1,16 +1,8 @@
 /** The gateway's JSON Schema of a twin's document, as the form reads it. */
 
+import { isNumeric, isObject, type Json, type JsonObject } from "../values/json";
+import type { Field, Limits } from "../values/values";
 import { at } from "./document";
-import { isNumeric, isObject, type Json, type JsonObject } from "./json";
-import type { Kind, Limits } from "./values";
-
-export type Field =
-  | { type: "value"; kind: Kind; limits: Limits }
-  | { type: "choice"; words: string[] }
-  /** ROS parameters by name. */
-  | { type: "parameters" }
-  /** A ROS parameter of any kind. */
-  | { type: "any" };
 
 export interface KeySpec {
   key: string;

@@ -1,11 +1,11 @@
-/** Whether the robot lives by what is desired, in words: the one question that the Config tab answers first. */
+/** The sync status of a twin, in words: whether the robot is in its desired state. */
 
 import type { Tone } from "../admin/badge";
 import type { Twin } from "../api/twin";
 
 export type Step = "none" | "in_step" | "waiting" | "sending" | "applying" | "confirming" | "reverted" | "refused";
 
-export interface Standing {
+export interface SyncStatus {
   step: Step;
   tone: Tone;
   word: string;
@@ -16,9 +16,9 @@ const living = (applied: number) => (applied ? `It lives by revision ${applied}`
 /** The robot's own words end a sentence or not. */
 const ended = (text: string) => (/[.!?]$/.test(text) ? text : `${text}.`);
 
-export function standingOf(twin: Twin, online: boolean): Standing {
+export function syncStatusOf(twin: Twin, online: boolean): SyncStatus {
   const { revision, reported } = twin;
-  const say = (step: Step, tone: Tone, word: string, text: string): Standing => ({ step, tone, word, text });
+  const say = (step: Step, tone: Tone, word: string, text: string): SyncStatus => ({ step, tone, word, text });
   if (revision === 0) return say("none", "off", "nothing desired", "Nobody has said what this robot is to be: it lives by its own settings.");
   if (twin.in_step) return say("in_step", "good", "in step", `The robot lives by revision ${revision}.`);
   const before = reported ? living(reported.applied) : "It has not said yet by what it lives";

@@ -1,4 +1,4 @@
-/** On top of the Config tab: whether the robot lives by its document, the countdown of a trial, and who changed it. */
+/** The sync status on top of the Config tab, the countdown of a trial, and who changed the document. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -9,40 +9,40 @@ import { can } from "../api/session";
 import { twinApi, type Twin } from "../api/twin";
 import { now } from "../live/age";
 import { ChangeList } from "./change_list";
-import { left, standingOf, trialOf, type Standing, type Trial } from "./standing";
+import { left, syncStatusOf, trialOf, type SyncStatus, type Trial } from "./sync_status";
 
-interface StandingCardProps {
+interface SyncStatusCardProps {
   twin: Twin;
   online: boolean;
   onChanged: () => Promise<void>;
   onEdit: (() => void) | null;
 }
 
-export function StandingCard({ twin, online, onChanged, onEdit }: StandingCardProps) {
-  const standing = standingOf(twin, online);
+export function SyncStatusCard({ twin, online, onChanged, onEdit }: SyncStatusCardProps) {
+  const sync = syncStatusOf(twin, online);
   const { busy, problem, attempt } = useAttempt();
-  const stuck = standing.step === "reverted" || standing.step === "refused";
+  const stuck = sync.step === "reverted" || sync.step === "refused";
   const again = () =>
     attempt(async () => {
       await twinApi.retry(twin.robot, "again");
       await onChanged();
     });
   return (
-    <section class={`standing standing-${standing.tone}`} aria-labelledby="standing-title" data-standing={standing.step} data-revision={twin.revision}>
+    <section class={`standing standing-${sync.tone}`} aria-labelledby="standing-title" data-standing={sync.step} data-revision={twin.revision}>
       <div class="standing-head">
-        <h2 id="standing-title"><span role="status"><Badge tone={standing.tone}>{standing.word}</Badge></span></h2>
-        <p>{standing.text}</p>
+        <h2 id="standing-title"><span role="status"><Badge tone={sync.tone}>{sync.word}</Badge></span></h2>
+        <p>{sync.text}</p>
         <div class="standing-acts">
           {stuck && can("twin.write") && <button type="button" class="button" disabled={busy.value} onClick={() => void again()}>Try it again</button>}
           {onEdit && <button type="button" class="button button-solid" onClick={onEdit}>Edit</button>}
         </div>
       </div>
-      <TrialBar twin={twin} standing={standing} />
+      <TrialBar twin={twin} sync={sync} />
       <Refusal text={problem.value} />
       {twin.problem && <p class="refusal" role="alert">Templates and the robot's own document do not fit together, so the document stays as it was: {twin.problem}</p>}
       {stuck && twin.behind.length > 0 && (
         <details class="behind" open={twin.behind.length <= 6}>
-          <summary>What it did not {standing.step === "refused" ? "take" : "keep"}</summary>
+          <summary>What it did not {sync.step === "refused" ? "take" : "keep"}</summary>
           <ChangeList changes={twin.behind} />
         </details>
       )}
@@ -66,11 +66,11 @@ const Fact = ({ name, value, title }: { name: string; value: string; title?: str
 const FRAME_MS = 250;
 
 /** How long the robot waits for its confirmation before it goes back. */
-function TrialBar({ twin, standing }: { twin: Twin; standing: Standing }) {
+function TrialBar({ twin, sync }: { twin: Twin; sync: SyncStatus }) {
   const trial = useRef<{ trial: Trial | null; first: boolean }>({ trial: null, first: true });
   const at = useSignal(Date.now());
   const known = trial.current;
-  known.trial = trialOf(known.trial, twin, standing.step, Date.now(), known.first);
+  known.trial = trialOf(known.trial, twin, sync.step, Date.now(), known.first);
   known.first = false;
   const running = known.trial !== null;
   useEffect(() => {

@@ -3,26 +3,18 @@
 import { useSignal } from "@preact/signals";
 import { useId } from "preact/hooks";
 import { can } from "../api/session";
-import { SECTIONS, shown } from "./compare";
+import { isObject, type Json } from "../values/json";
+import { shown } from "../values/value_text";
+import { ValueField } from "../values/value_field";
+import { BLANK, parsed } from "../values/values";
+import { SECTIONS } from "./compare";
 import { at, put, type Path } from "./document";
-import { isObject, type Json, type JsonObject } from "./json";
+import type { FormProps } from "./form_props";
 import { ParameterRows } from "./parameter_rows";
 import type { KeySpec, SectionSpec } from "./schema";
-import { ValueField } from "./value_field";
-import { BLANK, parsed } from "./values";
 
 /** What a node runs is an admin's to say. */
 const CODE_KEYS: ReadonlySet<string> = new Set(["bundle", "version", "allowed", "command", "args"]);
-
-export interface FormProps {
-  /** The robot's own document, as it is being edited. */
-  draft: JsonObject;
-  /** What templates say, as far as the own document leaves it to them. */
-  given: JsonObject;
-  onChange: (draft: JsonObject) => void;
-  /** A field holds what is no value, or does so no more. */
-  onInvalid: (path: Path, invalid: boolean) => void;
-}
 
 export function TwinForm({ sections, ...form }: FormProps & { sections: readonly SectionSpec[] }) {
   return (

@@ -4,7 +4,7 @@ import type { ReadonlySignal } from "@preact/signals";
 import { createContext } from "preact";
 import { useContext } from "preact/hooks";
 import type { Past } from "../history/past";
-import type { Decoder } from "../live/decoder";
+import type { Decoder } from "../live/media/decoder";
 import type { Stream } from "../live/stream";
 
 export interface Live {

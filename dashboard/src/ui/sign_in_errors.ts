@@ -1,4 +1,4 @@
-/** Why a sign-in at an identity provider came to nothing, in words. */
+/** Why a sign-in at an identity provider failed, in words. */
 
 const WORDS: Record<string, string> = {
   oidc_denied: "nobody signed in there.",
@@ -12,5 +12,5 @@ const WORDS: Record<string, string> = {
 };
 
 /** A sentence for a code of the address, which anybody may have written: one that is not known has a general one. */
-export const refusalWords = (code: string | null) =>
+export const signInErrorText = (code: string | null) =>
   code && `Single sign-on did not work: ${Object.hasOwn(WORDS, code) ? WORDS[code] : "you were not let in. Try again, or ask an admin."}`;

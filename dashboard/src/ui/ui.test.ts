@@ -1,10 +1,10 @@
 import { expect, test, vi } from "vitest";
 import { ageText, isStale } from "../live/age";
 import { bytes, fixed, percent, relativeTopic, short, typeWord } from "./format";
-import { refusalWords } from "./refusals";
+import { signInErrorText } from "./sign_in_errors";
 
 vi.stubGlobal("location", { origin: "http://gw:8080", pathname: "/", search: "" }); // the module reads it as it begins
-const { backFrom } = await import("./back");
+const { returnUrlFrom } = await import("./return_url");
 
 test("a missing number is a dash, never a zero", () => {
   expect([fixed(null, 1), percent(undefined), bytes(NaN), short(Infinity)]).toEqual(["–", "–", "–", "–"]);
@@ -39,16 +39,16 @@ test("ages", () => {
 });
 
 test("signing in leads back to a page of ours, whatever the address says", () => {
-  expect(backFrom("/robots/a?t=2026-11-21T06:00:00Z&span=1h")).toBe("/robots/a?t=2026-11-21T06:00:00Z&span=1h");
+  expect(returnUrlFrom("/robots/a?t=2026-11-21T06:00:00Z&span=1h")).toBe("/robots/a?t=2026-11-21T06:00:00Z&span=1h");
   for (const text of [null, "", "https://evil.example/", "//evil.example/x", "/\\evil.example", "javascript:alert(1)", "/signin?back=/x", "/api/v1/auth/oidc/start"]) {
-    expect(backFrom(text)).toBe("/");
+    expect(returnUrlFrom(text)).toBe("/");
   }
 });
 
 test("a refused single sign-on is said in words, and nothing of what the address says", () => {
-  expect(refusalWords(null)).toBeNull();
-  expect(refusalWords("oidc_role")).toContain("none of your groups has a role here");
+  expect(signInErrorText(null)).toBeNull();
+  expect(signInErrorText("oidc_role")).toContain("none of your groups has a role here");
   for (const code of ["call 0123 now", "constructor", "__proto__"]) {
-    expect(refusalWords(code)).toBe("Single sign-on did not work: you were not let in. Try again, or ask an admin.");
+    expect(signInErrorText(code)).toBe("Single sign-on did not work: you were not let in. Try again, or ask an admin.");
   }
 });

@@ -2,7 +2,7 @@
 
 import { useEffect, useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
-import type { Decoded } from "../live/decoder";
+import type { Decoded } from "../live/media/decoder";
 import { useLive } from "./context";
 
 /** Messages of an instant come all at once. */
@@ -21,7 +21,7 @@ export interface TopicOptions {
   image?: boolean;
   cloud?: boolean;
   enabled?: boolean;
-  /** Another number asks anew: the robot is told that somebody joined. */
+  /** Another number asks anew: the robot is notified that somebody joined. */
   asks?: number;
   /** In the past: also the messages this long before and after the instant. */
   backS?: number;

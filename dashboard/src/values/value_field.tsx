@@ -4,8 +4,7 @@ import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useId, useRef } from "preact/hooks";
 import { same, type Json } from "./json";
-import type { Field } from "./schema";
-import { BLANK, isList, KIND_WORDS, kindOf, parsed, rangeWords, textOf, type Kind } from "./values";
+import { BLANK, isList, KIND_WORDS, kindOf, parsed, rangeWords, textOf, type Field, type Kind } from "./values";
 
 export interface ValueFieldProps {
   label: string;

@@ -64,6 +64,15 @@ export interface Limits {
   most?: number;
 }
 
+/** What a field takes. */
+export type Field =
+  | { type: "value"; kind: Kind; limits: Limits }
+  | { type: "choice"; words: string[] }
+  /** ROS parameters by name. */
+  | { type: "parameters" }
+  /** A ROS parameter of any kind. */
+  | { type: "any" };
+
 export type Parsed = { value: Json } | { problem: string };
 
 export function parsed(kind: Kind, text: string, limits: Limits = {}): Parsed {

@@ -8,7 +8,7 @@ import { UsersPart } from "../admin/users";
 import { can, session } from "../api/session";
 import { Link } from "../ui/parts";
 import { here, place } from "../ui/url";
-import "../ui/admin.css";
+import "../styles/admin.css";
 
 interface Part {
   path: string;

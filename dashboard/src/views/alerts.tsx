@@ -4,15 +4,15 @@ import { can, session } from "../api/session";
 import { Link, MayNot } from "../ui/parts";
 import { place } from "../ui/url";
 import { lazy } from "./lazy";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/alerts.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/alerts.css";
 
 const AlertPage = lazy(async () => (await import("../alerts/detail")).AlertPage);
 const AlertsPart = lazy(async () => (await import("../alerts/list")).AlertsPart);
-const SilencesPart = lazy(async () => (await import("../alerts/settings")).SilencesPart);
-const ChecksPart = lazy(async () => (await import("../alerts/settings")).ChecksPart);
-const LearningPart = lazy(async () => (await import("../alerts/settings")).LearningPart);
+const SilencesPart = lazy(async () => (await import("../alerts/checks/settings")).SilencesPart);
+const ChecksPart = lazy(async () => (await import("../alerts/checks/settings")).ChecksPart);
+const LearningPart = lazy(async () => (await import("../alerts/checks/settings")).LearningPart);
 
 const PARTS = [
   { path: "/alerts", word: "Alerts", View: AlertsPart },

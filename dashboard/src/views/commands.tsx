@@ -1,4 +1,4 @@
-/** The Commands tab: everything that a robot was told, the newest first, and the form that tells it more. */
+/** The Commands tab: the robot's commands, the newest first, and the form that sends one. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -15,8 +15,8 @@ import { isOver } from "../commands/steps";
 import { titleOf } from "../commands/words";
 import { MayNot } from "../ui/parts";
 import { place, setParam } from "../ui/url";
-import "../ui/admin.css";
-import "../ui/commands.css";
+import "../styles/admin.css";
+import "../styles/commands.css";
 
 const IDLE_MS = 4000;
 const BUSY_MS = 1000;
@@ -117,7 +117,7 @@ function Nothing({ state }: { state: string }) {
   if (state) return <p class="nothing">No command of this robot is {state}.</p>;
   return (
     <p class="nothing">
-      This robot was not told anything in the last 30 days. Whatever is published, called or asked of it, from here, by the command line or by a
+      This robot got no command in the last 30 days. Whatever is published, called or asked of it, from here, by the command line or by a
       program, stands here with who asked, when, and what came of it.
     </p>
   );

@@ -81,15 +81,15 @@ function Counts({ robots: list, at }: { robots: Robot[]; at: number }) {
 
 function Row({ robot, at }: { robot: Robot; at: number }) {
   const state = health(robot, at);
-  const worries = concerns(robot, at);
+  const problems = concerns(robot, at);
   const seenMs = robot.last_seen ? Date.parse(robot.last_seen) : null;
   const offline = robot.state !== "online";
   return (
     <tr data-robot={robot.id} class={offline ? "row-stale" : undefined}>
-      <td class="cell-state"><StateBadge state={state} note={worries.join(", ")} /></td>
+      <td class="cell-state"><StateBadge state={state} note={problems.join(", ")} /></td>
       <td class="cell-name">
         <Link href={robotHref(robot.id)} class="robot-link">{robot.id}</Link>
-        <span class="sub">{worries.length > 0 ? worries.join(", ") : describe(robot)}</span>
+        <span class="sub">{problems.length > 0 ? problems.join(", ") : describe(robot)}</span>
       </td>
       <td class="cell-alerts" data-label="Alerts"><AlertBadge robot={robot} /></td>
       <td class="end cell-value" data-label="Battery"><Battery robot={robot.id} at={at} offline={offline} /></td>

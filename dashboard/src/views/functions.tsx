@@ -4,20 +4,20 @@ import { can, session } from "../api/session";
 import { Link, MayNot } from "../ui/parts";
 import { place } from "../ui/url";
 import { lazy } from "./lazy";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/alerts.css";
-import "../ui/functions.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/alerts.css";
+import "../styles/functions.css";
 
 const FunctionPage = lazy(async () => (await import("../functions/detail")).FunctionPage);
 const FunctionsPart = lazy(async () => (await import("../functions/list")).FunctionsPart);
-const DeadPart = lazy(async () => (await import("../functions/dead")).DeadPart);
+const DeadLettersPart = lazy(async () => (await import("../functions/dead_letters")).DeadLettersPart);
 const RuntimePart = lazy(async () => (await import("../functions/runtime")).RuntimePart);
 
 /** Not by path: a function may have any name. */
 const PARTS = [
   { show: "", word: "Functions", View: FunctionsPart },
-  { show: "dead-letters", word: "Dead letters", View: DeadPart },
+  { show: "dead-letters", word: "Dead letters", View: DeadLettersPart },
   { show: "runtime", word: "Runtime", View: RuntimePart },
 ] as const;
 

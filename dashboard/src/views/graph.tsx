@@ -12,9 +12,9 @@ import { GraphSvg } from "../graph/graph_svg";
 import { drawn, PLUMBING } from "../graph/model";
 import { relativeTopic } from "../ui/format";
 import { place, setParam } from "../ui/url";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/topics.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/topics.css";
 
 export { GraphsPage } from "./graphs"; // one file to fetch
 
@@ -30,7 +30,7 @@ export function GraphTab({ robot }: { robot: Robot }) {
   // The same revision is the same drawing: it does not move under the pointer.
   const found = useMemo(() => graph && drawn(graph, { namespace: robot.namespace, plumbing: plumbing.value, wanted: wanted.value }), [graph?.revision, plumbing.value, wanted.value]);
   if (!graph || !found) return asked.problem.value ? <Refusal text={asked.problem.value} /> : <p class="quiet">Reading the robot's graph…</p>;
-  if (graph.revision === 0) return <p class="nothing">This robot has not told its graph: its agent is older than that, or has just come.</p>;
+  if (graph.revision === 0) return <p class="nothing">This robot has not reported its graph: its agent is too old for it, or has just connected.</p>;
   const chosen = place.value.params.get("at") ?? "";
   const there = found.vertices.some(({ id }) => id === chosen) ? chosen : "";
   const choose = (id: string) => setParam("at", id);
@@ -47,10 +47,10 @@ export function GraphTab({ robot }: { robot: Robot }) {
         {hidden > 0 && <label class="check"><input type="checkbox" checked={plumbing.value} onChange={(event) => (plumbing.value = event.currentTarget.checked)} /> rosout and the like</label>}
         <label class="search"><span class="visually-hidden">Search nodes and topics</span><input type="search" placeholder="Node or topic" value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} /></label>
       </div>
-      {robot.state !== "online" && <p class="hint">The robot is offline: this is what it told last.</p>}
-      {found.worries.length > 0 && (
-        <ul class="graph-worries">
-          {found.worries.map(({ topic, text }) => (
+      {robot.state !== "online" && <p class="hint">The robot is offline: this is what it reported last.</p>}
+      {found.problems.length > 0 && (
+        <ul class="graph-problems" aria-label="Problems">
+          {found.problems.map(({ topic, text }) => (
             <li key={`${topic} ${text}`}><button type="button" class="mono" onClick={() => choose(`topic ${topic}`)}>{relativeTopic(topic, robot.namespace)}</button> {text}</li>
           ))}
         </ul>
@@ -62,6 +62,7 @@ export function GraphTab({ robot }: { robot: Robot }) {
         </div>
       )}
       {found.alone.length > 0 && <p class="hint">Without a topic here: <span class="mono">{found.alone.map((name) => relativeTopic(name, robot.namespace)).join(", ")}</span></p>}
+      {found.waiting.length > 0 && <p class="hint" data-waiting>Subscribed, but published by nobody now: <span class="mono">{found.waiting.map((name) => relativeTopic(name, robot.namespace)).join(", ")}</span></p>}
       <Legend />
     </div>
   );

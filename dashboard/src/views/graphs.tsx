@@ -1,4 +1,4 @@
-/** The Graph page of the fleet: every robot's graph at a glance, those with worries first. */
+/** The Graph page of the fleet: every robot's graph at a glance, those with problems first. */
 
 import { useMemo } from "preact/hooks";
 import { Refusal } from "../admin/modal";
@@ -6,34 +6,36 @@ import { useAsked } from "../admin/use_list";
 import { introspectApi } from "../api/introspect";
 import type { RobotGraph } from "../api/introspect";
 import { curve, layout } from "../graph/layout";
-import { drawn } from "../graph/model";
+import { drawn, type Problem } from "../graph/model";
 import { robots } from "../live/fleet";
+import { relativeTopic } from "../ui/format";
 import { Link } from "../ui/parts";
 import { robotHref } from "../ui/url";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/topics.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/topics.css";
 
 const LOOK_MS = 5000;
+const SHOWN = 3; // problems of a card; the robot's own page has all
 
 export function GraphsPage() {
   const asked = useAsked(() => introspectApi.graphs(), LOOK_MS);
   const found = asked.value.value;
   if (!found) return asked.problem.value ? <Refusal text={asked.problem.value} /> : <p class="quiet">Reading the robots' graphs…</p>;
-  const worried = found.map((graph) => ({ graph, worries: drawnOf(graph).worries.length })).sort((a, b) => b.worries - a.worries || a.graph.robot.localeCompare(b.graph.robot, "en", { numeric: true }));
-  const many = worried.filter(({ worries }) => worries > 0).length;
+  const cards = found.map((graph) => ({ graph, problems: drawnOf(graph).problems })).sort((a, b) => b.problems.length - a.problems.length || a.graph.robot.localeCompare(b.graph.robot, "en", { numeric: true }));
+  const many = cards.filter(({ problems }) => problems.length > 0).length;
   return (
     <>
       <div class="page-head">
         <h1>Graph</h1>
         <p class="counts">
           <span><b>{found.length}</b> {found.length === 1 ? "robot" : "robots"}</span>
-          {many > 0 && <span class="count-attention"><b>{many}</b> with something that does not get through</span>}
+          {many > 0 ? <span class="count-attention"><b>{many}</b> with problems</span> : found.length > 0 && <span>no problems</span>}
         </p>
       </div>
-      {found.length === 0 && <p class="nothing">No robot has told its graph so far.</p>}
+      {found.length === 0 && <p class="nothing">No robot has reported its graph so far.</p>}
       <ul class="graph-cards">
-        {worried.map(({ graph, worries }) => <GraphCard key={graph.robot} graph={graph} worries={worries} />)}
+        {cards.map(({ graph, problems }) => <GraphCard key={graph.robot} graph={graph} problems={problems} />)}
       </ul>
     </>
   );
@@ -42,7 +44,9 @@ export function GraphsPage() {
 const namespaceOf = (id: string) => robots.value?.find((robot) => robot.id === id)?.namespace ?? "/";
 const drawnOf = (graph: RobotGraph) => drawn(graph, { namespace: namespaceOf(graph.robot), plumbing: false, wanted: "" });
 
-function GraphCard({ graph, worries }: { graph: RobotGraph; worries: number }) {
+function GraphCard({ graph, problems }: { graph: RobotGraph; problems: Problem[] }) {
+  const namespace = namespaceOf(graph.robot);
+  const more = problems.length - SHOWN;
   const offline = robots.value?.find((robot) => robot.id === graph.robot)?.state !== "online";
   return (
     <li class={offline ? "card graph-card row-stale" : "card graph-card"} data-robot={graph.robot}>
@@ -51,7 +55,12 @@ function GraphCard({ graph, worries }: { graph: RobotGraph; worries: number }) {
         <span class="note">{graph.nodes.length} nodes · {graph.topics.length} topics · {graph.services.length} services{offline ? " · offline" : ""}</span>
       </header>
       <Small graph={graph} />
-      {worries > 0 && <p class="graph-worry">{worries} {worries === 1 ? "worry" : "worries"}</p>}
+      {problems.length > 0 && (
+        <ul class="graph-card-problems" aria-label="Problems">
+          {problems.slice(0, SHOWN).map(({ topic, text }) => <li key={`${topic} ${text}`}><b class="mono">{relativeTopic(topic, namespace)}</b> {text}</li>)}
+          {more > 0 && <li>and {more} more</li>}
+        </ul>
+      )}
     </li>
   );
 }

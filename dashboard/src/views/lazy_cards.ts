@@ -1,14 +1,10 @@
 /** Cards whose code is fetched when a robot has a topic for them; each is given all of its topics. */
 
 import type { ComponentType } from "preact";
-import type { Robot, Topic } from "../api/types";
+import type { Topic } from "../api/types";
+import type { CardProps } from "../panels/card_props";
 import { isPublished } from "../panels/registry";
 import { lazy } from "./lazy";
-
-export interface LazyCardProps {
-  robot: Robot;
-  topics: Topic[];
-}
 
 export interface LazyCard {
   kind: string;
@@ -16,7 +12,7 @@ export interface LazyCard {
   place: "side" | "wide";
   /** Whether a topic is one of this card's. */
   takes: (topic: Topic) => boolean;
-  Part: ComponentType<LazyCardProps>;
+  Part: ComponentType<CardProps>;
 }
 
 const CLOUDS = ["sensor_msgs/msg/PointCloud2", "metaros_msgs/msg/QuantizedCloud"];
@@ -34,7 +30,7 @@ export const LAZY_CARDS: LazyCard[] = [
     kind: "cloud",
     place: "wide",
     takes: (topic) => isPublished(topic) && CLOUDS.includes(topic.type),
-    Part: lazy(async () => (await import("../panels/cloud")).CloudCards, null),
+    Part: lazy(async () => (await import("../panels/cloud/cloud")).CloudCards, null),
   },
   {
     kind: "devices",

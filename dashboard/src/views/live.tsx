@@ -3,10 +3,10 @@
 import { can } from "../api/session";
 import type { Robot, SeriesInfo, Topic } from "../api/types";
 import { CameraCard } from "../panels/camera";
-import { ImuCard } from "../panels/imu";
-import { MapCard } from "../panels/map";
-import { MetricPlots, RANGES } from "../panels/metric_plots";
-import { PAST_PLOTS, PLOTS, plotsOf } from "../panels/plot_table";
+import { ImuCard } from "../panels/plots/imu";
+import { MapCard } from "../panels/map/map";
+import { MetricPlots, RANGES } from "../panels/plots/metric_plots";
+import { PAST_PLOTS, PLOTS, plotsOf } from "../panels/plots/plot_table";
 import { layoutOf, readable } from "../panels/registry";
 import { lazy } from "./lazy";
 import { LAZY_CARDS } from "./lazy_cards";
@@ -16,11 +16,11 @@ import { Card, MayNot } from "../ui/parts";
 import { relativeTopic } from "../ui/format";
 import { place, setParam } from "../ui/url";
 
-export { TimeBar } from "../panels/time_bar"; // over these cards alone: it comes with them
+export { TimeBar } from "../panels/time_bar/time_bar"; // over these cards alone: it comes with them
 
 const TeleopCard = lazy(async () => (await import("../panels/teleop")).TeleopCard);
 const VideoCard = lazy(async () => (await import("../panels/video")).VideoCard, null);
-const PastPlots = lazy(async () => (await import("../panels/past_plots")).PastPlots);
+const PastPlots = lazy(async () => (await import("../panels/plots/past_plots")).PastPlots);
 
 export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic[] | null; series: SeriesInfo[] }) {
   const past = useLive().past !== null;

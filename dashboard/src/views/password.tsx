@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { accountApi } from "../api/account";
 import { ApiError, saidOf } from "../api/client";
 import { session } from "../api/session";
-import "../ui/sign_in.css";
+import "../styles/sign_in.css";
 
 const MIN_CHARS = 12; // the gateway's own; it refuses shorter ones too
 

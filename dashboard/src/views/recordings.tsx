@@ -7,10 +7,10 @@ import { can } from "../api/session";
 import type { Recording } from "../api/history_types";
 import { recordingsApi } from "../api/recordings";
 import { robots } from "../live/fleet";
-import { ExportDialog } from "../panels/export_dialog";
-import { RecordingRow } from "../panels/recording_row";
-import { StorageCard } from "../panels/storage";
-import { SAVED_S } from "../panels/save_button";
+import { ExportDialog } from "../panels/time_bar/export_dialog";
+import { RecordingRow } from "../panels/time_bar/recording_row";
+import { StorageCard } from "../panels/uplink/storage";
+import { SAVED_S } from "../panels/time_bar/save_button";
 import { useLive } from "../ui/context";
 import { MayNot } from "../ui/parts";
 

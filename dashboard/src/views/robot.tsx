@@ -21,8 +21,8 @@ const TimeBar = lazy(async () => (await import("./live")).TimeBar, null);
 const LinkTab = lazy(async () => (await import("./link")).LinkTab);
 const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
 const GraphTab = lazy(async () => (await import("./graph")).GraphTab);
-const NodesTab = lazy(async () => (await import("../fleet_ops/nodes")).NodesTab);
-const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigTab);
+const NodesTab = lazy(async () => (await import("../nodes/nodes")).NodesTab);
+const ConfigTab = lazy(async () => (await import("../twin/config")).ConfigTab);
 const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
 const PastTab = lazy(async () => (await import("./past")).PastTab);
 

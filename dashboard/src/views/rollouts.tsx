@@ -6,9 +6,9 @@ import { VersionsPart } from "../rollouts/versions";
 import { Link } from "../ui/parts";
 import { place } from "../ui/url";
 import { lazy } from "./lazy";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/rollouts.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/rollouts.css";
 
 const TemplatesPart = lazy(async () => (await import("../rollouts/templates")).TemplatesPart);
 

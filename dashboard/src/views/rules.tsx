@@ -4,17 +4,17 @@ import { can, session } from "../api/session";
 import { Link, MayNot } from "../ui/parts";
 import { place } from "../ui/url";
 import { lazy } from "./lazy";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/alerts.css";
-import "../ui/functions.css";
-import "../ui/rules.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/alerts.css";
+import "../styles/functions.css";
+import "../styles/rules.css";
 
 const RulePage = lazy(async () => (await import("../rules/detail")).RulePage);
 const NewRule = lazy(async () => (await import("../rules/detail")).NewRule);
 const RulesPart = lazy(async () => (await import("../rules/list")).RulesPart);
-const SchedulesPart = lazy(async () => (await import("../rules/more")).SchedulesPart);
-const HooksPart = lazy(async () => (await import("../rules/more")).HooksPart);
+const SchedulesPart = lazy(async () => (await import("../rules/lazy_views")).SchedulesPart);
+const HooksPart = lazy(async () => (await import("../rules/lazy_views")).HooksPart);
 
 /** Not by path: a rule may have any name. */
 const PARTS = [

@@ -5,14 +5,14 @@ import { useEffect, useRef } from "preact/hooks";
 import { accountApi } from "../api/account";
 import { ApiError, saidOf, waitWords } from "../api/client";
 import { become, ended, session, shutOut, signedIn, stale, type Account } from "../api/session";
-import "../ui/sign_in.css";
-import { refusalWords } from "../ui/refusals";
-import { backFrom, leaveFor } from "../ui/back";
+import "../styles/sign_in.css";
+import { signInErrorText } from "../ui/sign_in_errors";
+import { returnUrlFrom, leaveFor } from "../ui/return_url";
 import { here, place, replace } from "../ui/url";
 import { PasswordForm } from "./password";
 
 /** Where to go afterwards: what `back` says on /signin; anywhere else this page only stands before another one. */
-const backHref = () => (place.peek().path === "/signin" ? backFrom(place.peek().params.get("back")) : here());
+const backHref = () => (place.peek().path === "/signin" ? returnUrlFrom(place.peek().params.get("back")) : here());
 
 export function SignInPage() {
   const link = useLink();
@@ -73,7 +73,7 @@ function FirstPassword({ onDone }: { onDone: () => void }) {
 }
 
 function SignIn({ badLink, onDone }: { badLink: boolean; onDone: () => void }) {
-  const refused = place.value.path === "/signin" && refusalWords(place.value.params.get("refused"));
+  const refused = place.value.path === "/signin" && signInErrorText(place.value.params.get("refused"));
   return (
     <>
       <h1>Sign in</h1>

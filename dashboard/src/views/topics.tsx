@@ -14,10 +14,10 @@ import { TopicPanel } from "../topics/topic_panel";
 import { TopicRow } from "../topics/topic_row";
 import { bytesPerSecond } from "../ui/format";
 import { place, setParam } from "../ui/url";
-import "../ui/admin.css";
-import "../ui/ops.css";
-import "../ui/nodes.css";
-import "../ui/topics.css";
+import "../styles/admin.css";
+import "../styles/ops.css";
+import "../styles/nodes.css";
+import "../styles/topics.css";
 
 const LOOK_MS = 3000;
 const COLUMNS = 8;

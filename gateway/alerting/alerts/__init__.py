@@ -1,1 +1,1 @@
-"""Alerts: what is told to people of all that the gateway found wrong, from the first finding to the end of it."""
+"""Alerts: findings grouped by robot and cause, from the first finding until they are resolved."""

@@ -1,16 +1,16 @@
-"""How many alerts that are not resolved there may be, of each robot and in all."""
+"""The limit of unresolved alerts, of each robot and in all."""
 
 from __future__ import annotations
 
 from collections import Counter
 
-from gateway.alerts.causes import TOO_MANY
+from gateway.alerting.alerts.causes import TOO_MANY
 from metaros.limits import Limits
 
-__all__ = ["Room"]
+__all__ = ["Capacity"]
 
 
-class Room:
+class Capacity:
     """Counts them; the alerts that say that there is none left need none."""
 
     def __init__(self, limits: Limits) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from gateway.domain.alert import Alert, rank
-from gateway.domain.event import like
+from gateway.domain.automation.event import like
 
 __all__ = ["CAUSES", "TOO_MANY", "Cause", "explains", "title_of"]
 

@@ -1,4 +1,4 @@
-"""What the book of alerts has for the store."""
+"""A change of an alert that the registry hands to the store."""
 
 from __future__ import annotations
 

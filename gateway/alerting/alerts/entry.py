@@ -1,4 +1,4 @@
-"""One alert in the book: which findings it groups, what follows from them, and what of it is not stored yet."""
+"""One alert in the registry: which findings it groups, what follows from them, and what of it is not stored yet."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import heapq
 from dataclasses import replace
 from math import isfinite
 
-from gateway.alerts.causes import title_of
+from gateway.alerting.alerts.causes import title_of
 from gateway.domain.alert import Alert, Evidence, rank
 from gateway.domain.finding import Finding
 
@@ -79,7 +79,7 @@ class Entry:
         if self.alert.revision and self.owner != gateway:
             self.alert, self.news = replace(self.alert, gateway=self.owner), []
 
-    def tell(self, what: str) -> None:
+    def note_change(self, what: str) -> None:
         """Something is to be stored, and then told."""
         if what in self.news or ("opened" in self.news and what in PART_OF_OPENING) or (what == "seen" and self.news):
             return
@@ -98,16 +98,16 @@ class Entry:
         worst = max([before.severity, *(item.finding.severity for item in shown[:1])], key=rank)
         if before.unresolved and worst != before.severity:
             changes["severity"] = worst
-            self.tell("escalated")
+            self.note_change("escalated")
         after = replace(before, **changes)  # type: ignore[arg-type]
         if after != before:
             self.alert = replace(after, changed_ns=now_ns)
-            self.tell("seen")
+            self.note_change("seen")
 
     def resolve(self, now_ns: int) -> None:
         """It is over by itself."""
         self.alert = replace(self.alert, state="resolved", resolved_ns=now_ns, resolved_by="", changed_ns=now_ns)
-        self.tell("resolved")
+        self.note_change("resolved")
 
     def reopen(self, now_ns: int) -> None:
         """It began again: nobody has acknowledged that."""
@@ -125,7 +125,7 @@ class Entry:
             seen_ns=now_ns,
             changed_ns=now_ns,
         )
-        self.tell("opened")
+        self.note_change("opened")
 
 
 def new_alert(finding: Finding, alert_id: str, *, gateway: str, now_ns: int) -> Alert:

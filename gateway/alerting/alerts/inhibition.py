@@ -1,19 +1,19 @@
-"""Why nobody is told of an alert: another one of the robot explains it, or a silence covers it."""
+"""Which alerts are quiet: another alert of the robot inhibits them, or a silence covers them, as in Alertmanager."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 
-from gateway.alerts.causes import explains
+from gateway.alerting.alerts.causes import explains
 from gateway.domain.alert import Alert, Silence, rank
 
-__all__ = ["Hush"]
+__all__ = ["Inhibitor"]
 
 REMEMBERED = 20_000  # robots, and pairs of a silence and a cause
 PATTERNS_AT_ONCE = 1000  # that are looked at before others have their turn
 
 
-class Hush:
+class Inhibitor:
     """The silences that are not over, and those of them that silence now."""
 
     def __init__(self, topics_of: Callable[[str, str], Collection[str]]) -> None:
@@ -28,11 +28,11 @@ class Hush:
         """How many robots can be held against all silences without being felt."""
         return max(1, PATTERNS_AT_ONCE // max(1, sum(len(item.robots) for item in self._now)))
 
-    def know(self, silences: Sequence[Silence]) -> None:
+    def set_silences(self, silences: Sequence[Silence]) -> None:
         """The silences that are not over."""
         self._silences = tuple(silences)
 
-    def look(self, now_ns: int) -> bool:
+    def refresh(self, now_ns: int) -> bool:
         """Whether others silence now than at the last look."""
         before = self._now
         self._now = tuple(item for item in self._silences if item.from_ns <= now_ns < item.until_ns)

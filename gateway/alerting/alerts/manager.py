@@ -1,7 +1,6 @@
-"""The desk of alerts: hears findings, keeps alerts in the store, and does what people ask of them.
+"""The alert manager: takes findings, keeps alerts in the store, and acknowledges, resolves and silences them.
 
-What follows from what is decided by gateway/alerts/book.py alone; gateway/alerts/keeper.py keeps it. All methods on
-the event loop.
+registry.py alone decides what follows from what; store_sync.py stores it. All methods on the event loop.
 """
 
 from __future__ import annotations
@@ -11,30 +10,30 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gateway.alerts.config import AlertConfig
-from gateway.alerts.errors import AlertStateError, UnknownAlertError, UnknownSilenceError
-from gateway.alerts.keeper import Database, Keeper
-from gateway.alerts.silencing import checked_silence, checked_text, within
-from gateway.alerts.tally import alert_counts, robot_counts
+from gateway.alerting.alerts.config import AlertConfig
+from gateway.alerting.alerts.errors import AlertStateError, UnknownAlertError, UnknownSilenceError
+from gateway.alerting.alerts.silencing import checked_silence, checked_text, within
+from gateway.alerting.alerts.store_sync import Database, StoreSync
+from gateway.alerting.alerts.summary import alert_counts, robot_counts
 from gateway.domain.alert import Alert, AlertFilter, Remark, Silence, is_alert_id
 from gateway.domain.finding import Edge, FindingSeverity
-from gateway.domain.once import Once
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.errors import StoreError
-from gateway.store import alert_talk as talk
-from gateway.store import alerts as table
+from gateway.store.alerting import alerts as table
+from gateway.store.alerting import remarks as talk
 from gateway.store.engine import StoreEngine
-from gateway.store.once import made_before, remember_made
+from gateway.store.fleet.idempotency import made_before, remember_made
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["AlertDesk"]
+__all__ = ["AlertManager"]
 
 log = logging.getLogger(__name__)
 TRIES = 8
 
 
-class AlertDesk:
-    """Start it, let `run` run, tell it what is found."""
+class AlertManager:
+    """`start` it, let `run` run, and `report` findings."""
 
     def __init__(
         self,
@@ -49,7 +48,7 @@ class AlertDesk:
         """`emit` is the journal's: kind, robot, data. `topics_of` says which topics a robot's node publishes."""
         self._clock = clock
         self._limits = limits
-        self._keeper = Keeper(
+        self._store_sync = StoreSync(
             database,
             clock=clock,
             emit=emit,
@@ -57,70 +56,70 @@ class AlertDesk:
             config=config or AlertConfig(),
             topics_of=topics_of,
         )
-        self._book = self._keeper.book
+        self._registry = self._store_sync.registry
 
     @property
     def refused(self) -> int:
         """Findings that there was no room for, not even to wait."""
-        return self._book.refused
+        return self._registry.refused
 
     async def start(self, *, adopt: bool = True) -> None:
         """Know the alerts of the store, and wait for this gateway's findings to be told again. Raises StoreError.
 
         Without `adopt` it is said robot by robot whose findings are this gateway's.
         """
-        await self._keeper.start(adopt=adopt)
+        await self._store_sync.start(adopt=adopt)
 
     async def run(self) -> None:
         """Until cancelled."""
-        await self._keeper.run()
+        await self._store_sync.run()
 
     async def close(self) -> None:
         """Store what waits, if the store takes it."""
-        await self._keeper.close()
+        await self._store_sync.close()
 
-    def tell(self, edges: Sequence[Edge]) -> None:
-        """What the judge found since last time. In pieces of a few hundred at most: it is worked off at once."""
+    def report(self, edges: Sequence[Edge]) -> None:
+        """What the evaluator found since last time. In pieces of a few hundred at most: it is worked off at once."""
         if edges:
-            self._book.apply(edges, self._clock.wall_ns())
-            self._keeper.changed()
+            self._registry.apply(edges, self._clock.wall_ns())
+            self._store_sync.changed()
 
     def adopt(self, robot: str) -> None:
         """This gateway judges the robot from now on: what of its alerts is not told again within the grace is over."""
-        self._book.adopt(robot, self._clock.wall_ns())
+        self._registry.adopt(robot, self._clock.wall_ns())
 
     def release(self, robot: str) -> None:
         """Another gateway judges the robot from now on: what is told of it here does not count."""
-        self._book.release(robot)
+        self._registry.release(robot)
 
     def listen(self, listener: Callable[[str, Alert], None]) -> None:
-        """Hear of what this gateway stored: opened (also again), escalated, acknowledged, resolved, changed."""
-        self._keeper.listeners.append(listener)
+        """Call back for what this gateway stored: opened (also again), escalated, acknowledged, resolved, changed."""
+        self._store_sync.listeners.append(listener)
 
     def on_change(self, listener: Callable[[str], None]) -> None:
-        """Hear of every robot whose alerts in the store changed, by whichever gateway; "" is the fleet."""
-        self._keeper.watchers.append(listener)
+        """Call back for every robot whose alerts in the store changed, by whichever gateway; "" is the fleet."""
+        self._store_sync.watchers.append(listener)
 
     def of(self, robot: str) -> tuple[Alert, ...]:
         """The robot's alerts that are not resolved, the worst first."""
-        return self._book.of(robot)
+        return self._registry.of(robot)
 
     def known(self) -> Iterable[Alert]:
         """Every alert that can still change by itself, and those that were resolved a moment ago."""
-        return self._book.all()
+        return self._registry.all()
 
     def robot_counts(self, robot: str) -> dict[str, int]:
         """How many of the robot's alerts people should look at: open in all, and of them error and warning."""
-        return robot_counts(self._book.of(robot))
+        return robot_counts(self._registry.of(robot))
 
     def counts(self, sees: Callable[[str], bool] | None = None) -> dict[str, Any]:
         """How many alerts are open, acknowledged, quiet, and how bad they are, of what somebody may see."""
-        return alert_counts(self._book.all(), sees)
+        return alert_counts(self._registry.all(), sees)
 
     async def get(self, alert_id: str) -> Alert:
         """One alert; UnknownAlertError."""
         found = (
-            await self._keeper.read(lambda engine: table.read_alert(engine, alert_id))
+            await self._store_sync.read(lambda engine: table.read_alert(engine, alert_id))
             if is_alert_id(alert_id)
             else None
         )
@@ -130,7 +129,7 @@ class AlertDesk:
 
     async def remarks(self, alert_id: str) -> list[Remark]:
         """What was said and done about an alert, the oldest first."""
-        return await self._keeper.read(lambda engine: talk.list_remarks(engine, alert_id))
+        return await self._store_sync.read(lambda engine: talk.list_remarks(engine, alert_id))
 
     async def acknowledge(self, alert_id: str, *, by: str, text: str = "") -> Alert:
         """Somebody knows; AlertStateError where it is resolved. Once it is, it stays who was first."""
@@ -165,7 +164,7 @@ class AlertDesk:
             alert_id, lambda alert, now_ns: replace(alert, assignee=assignee), kind="assigned", by=by, text=assignee
         )
 
-    async def comment(self, alert_id: str, *, text: str, by: str, once: Once | None = None) -> Alert:
+    async def comment(self, alert_id: str, *, text: str, by: str, once: IdempotentRequest | None = None) -> Alert:
         """Words about it, also when it is over; said once under a key. IdempotencyConflictError."""
         return await self._do(alert_id, None, kind="comment", by=by, text=text, once=once)
 
@@ -182,14 +181,14 @@ class AlertDesk:
     async def silences(self, *, sees: Callable[[str], bool] | None = None) -> list[Silence]:
         """Those that are not over, the one that ends first is first; with `sees`, those that a scope may know of."""
         now_ns = self._clock.wall_ns()
-        found = await self._keeper.read(lambda engine: talk.current_silences(engine, now_ns=now_ns))
+        found = await self._store_sync.read(lambda engine: talk.current_silences(engine, now_ns=now_ns))
         return [item for item in found if sees is None or within(item, sees)]
 
     async def get_silence(self, silence_id: str) -> Silence:
         """One silence, also when it is over; UnknownSilenceError."""
         found = None
         if is_alert_id(silence_id):
-            found = await self._keeper.read(lambda engine: talk.read_silence(engine, silence_id))
+            found = await self._store_sync.read(lambda engine: talk.read_silence(engine, silence_id))
         if found is None:
             raise UnknownSilenceError.of(silence_id)
         return found
@@ -204,7 +203,7 @@ class AlertDesk:
         until_ns: int,
         reason: str = "",
         by: str,
-        once: Once | None = None,
+        once: IdempotentRequest | None = None,
     ) -> Silence:
         """Tell nobody of such alerts for a while; under a key the one that the same request made.
 
@@ -233,8 +232,8 @@ class AlertDesk:
                 remember_made(engine, once, made.id, now_ns=now_ns)
             return talk.current_silences(engine, now_ns=now_ns)
 
-        await self._hush(job, now_ns)
-        return await self.get_silence(await self._keeper.read(lambda engine: made_before(engine, once)) or made.id)
+        await self._write_silences(job, now_ns)
+        return await self.get_silence(await self._store_sync.read(lambda engine: made_before(engine, once)) or made.id)
 
     async def end_silence(self, silence_id: str, *, by: str) -> Silence:
         """Let a silence be over now; UnknownSilenceError."""
@@ -245,28 +244,28 @@ class AlertDesk:
             return talk.current_silences(engine, now_ns=now_ns)
 
         await self.get_silence(silence_id)
-        await self._hush(job, now_ns)
+        await self._write_silences(job, now_ns)
         log.info("silence %s was ended by %s", silence_id, by)
         return await self.get_silence(silence_id)
 
     async def save(self) -> None:
         """Store what changed, and tell it; `run` does that. Raises StoreError, and then it is a change still."""
-        await self._keeper.save()
+        await self._store_sync.save()
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Learn what other gateways changed; `run` does that. Raises StoreError."""
-        await self._keeper.look()
+        await self._store_sync.refresh()
 
     async def purge(self) -> int:
         """Delete some of what is over for too long, or too much; how many alerts went; `run` does that."""
-        return await self._keeper.purge()
+        return await self._store_sync.purge()
 
     def tick(self) -> None:
         """What time does to alerts; `run` does that."""
-        self._keeper.tick()
+        self._store_sync.tick()
 
-    async def _hush(self, job: Callable[[StoreEngine], Sequence[Silence]], now_ns: int) -> None:
-        await self._keeper.write(job, lambda silences: self._book.silence(silences, now_ns))
+    async def _write_silences(self, job: Callable[[StoreEngine], Sequence[Silence]], now_ns: int) -> None:
+        await self._store_sync.write(job, lambda silences: self._registry.silence(silences, now_ns))
 
     async def _do(
         self,
@@ -276,7 +275,7 @@ class AlertDesk:
         kind: str,
         by: str,
         text: str,
-        once: Once | None = None,
+        once: IdempotentRequest | None = None,
     ) -> Alert:
         """What somebody does to an alert, with its remark, in one transaction; None: only the remark."""
         text = checked_text("text", text, self._limits)
@@ -302,12 +301,12 @@ class AlertDesk:
                     return replace(after, revision=after.revision + bool(change)), True
             raise StoreError(f"alert {alert_id} changes all the time: try again")
 
-        alert, done = await self._keeper.write(job, lambda done: self._book.learn(done[0], now_ns))
+        alert, done = await self._store_sync.write(job, lambda done: self._registry.learn(done[0], now_ns))
         if done:
             what = kind if kind in ("acknowledged", "resolved") else "changed"
-            self._keeper.publish(what, alert, by=by, remark=change is None)
+            self._store_sync.publish(what, alert, by=by, remark=change is None)
         return alert
 
     async def list(self, wanted: AlertFilter, *, limit: int, before: str | None = None) -> list[Alert]:
         """The newest alerts that somebody wants, the newest first; `before` is the id after which to go on."""
-        return await self._keeper.read(lambda engine: table.list_alerts(engine, wanted, limit=limit, before=before))
+        return await self._store_sync.read(lambda engine: table.list_alerts(engine, wanted, limit=limit, before=before))

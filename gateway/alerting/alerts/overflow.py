@@ -1,23 +1,23 @@
-"""Findings for which there is no room among the alerts: they wait, within a bound, until one is resolved."""
+"""Findings beyond the limit of alerts: they are queued, within a bound, until an alert is resolved."""
 
 from __future__ import annotations
 
 from collections import Counter
 from itertools import islice
 
-from gateway.alerts.causes import TOO_MANY
+from gateway.alerting.alerts.causes import TOO_MANY
 from gateway.domain.finding import Edge, Finding
 
-__all__ = ["Waiting"]
+__all__ = ["OverflowQueue"]
 
 
-class Waiting:
+class OverflowQueue:
     """In the order in which they came; what finds no place here either is counted."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._findings: dict[tuple[str, str, str], Finding] = {}
-        self._told: dict[str, int] = {}  # how many of which robot are known to wait
+        self._reported: dict[str, int] = {}  # how many of which robot are known to wait
         self.refused = 0
 
     def __len__(self) -> int:
@@ -41,10 +41,14 @@ class Waiting:
     def news(self, now_ns: int, *, full: bool) -> list[Edge]:
         """What is new to say of how many of each robot wait; of the fleet, "", where it is `full`."""
         each = Counter(finding.robot for finding in self._findings.values())
-        crowd = {"": each.total()} if full and each else dict(each)
-        gone = [Edge("cleared", _crowded(robot, 0, now_ns), now_ns / 1e9) for robot in self._told if robot not in crowd]
-        more = [(robot, count) for robot, count in crowd.items() if self._told.get(robot) != count]
-        self._told = crowd
+        waiting = {"": each.total()} if full and each else dict(each)
+        gone = [
+            Edge("cleared", _crowded(robot, 0, now_ns), now_ns / 1e9)
+            for robot in self._reported
+            if robot not in waiting
+        ]
+        more = [(robot, count) for robot, count in waiting.items() if self._reported.get(robot) != count]
+        self._reported = waiting
         return [*gone, *(Edge("opened", _crowded(robot, count, now_ns), now_ns / 1e9) for robot, count in more)]
 
 

@@ -1,8 +1,8 @@
-"""The book of alerts: edges of findings and `now` in, alerts to store out. Pure: no clock, no store, no tasks.
+"""The registry of alerts: edges of findings and `now` in, alerts to store out. Pure: no clock, no store, no tasks.
 
 There is one entry for each robot and cause: the alert that is not resolved, or else the last one, as long as it may
-begin again. Every beginning and every end changes the book at once; `changes` says what is to be stored, and the desk
-answers each with `stored`, `clashed` or `failed`. What comes from the store, by whomever, is `learn`ed.
+begin again. Every beginning and every end changes the registry at once; `changes` says what is to be stored, and
+its caller answers each with `stored`, `clashed` or `failed`. What comes from the store, by whomever, is `learn`ed.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from gateway.alerts.change import Change
-from gateway.alerts.config import AlertConfig
-from gateway.alerts.entry import Entry, Key, merged, new_alert
-from gateway.alerts.hush import Hush
-from gateway.alerts.room import Room
-from gateway.alerts.waiting import Waiting
+from gateway.alerting.alerts.capacity import Capacity
+from gateway.alerting.alerts.change import Change
+from gateway.alerting.alerts.config import AlertConfig
+from gateway.alerting.alerts.entry import Entry, Key, merged, new_alert
+from gateway.alerting.alerts.inhibition import Inhibitor
+from gateway.alerting.alerts.overflow import OverflowQueue
 from gateway.domain.alert import Alert, Silence, new_alert_id, rank
 from gateway.domain.finding import Edge, Finding
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Book", "Change"]
+__all__ = ["AlertRegistry", "Change"]
 
 Place = tuple[str, str]  # robot, cause
 ELSEWHERE_S = 60.0  # longer than its own gateway another one waits
 AT_ONCE = 32  # alerts of a piece of a tick
 
 
-class Book:
+class AlertRegistry:
     """Not thread-safe: the event loop owns it."""
 
     def __init__(
@@ -44,13 +44,13 @@ class Book:
         self._limits = limits
         self._config = config or AlertConfig()
         self._new_id = new_id
-        self._hush = Hush(topics_of)
+        self._inhibitor = Inhibitor(topics_of)
         self._entries: dict[Place, Entry] = {}
         self._by_id: dict[str, Entry] = {}
         self._causes: defaultdict[str, set[str]] = defaultdict(set)  # of each robot, what there are entries of
         self._places: dict[Key, Place] = {}  # where each active finding is
-        self._room = Room(limits)
-        self._waiting = Waiting(limits.alert_findings_waiting)
+        self._capacity = Capacity(limits)
+        self._overflow = OverflowQueue(limits.alert_findings_waiting)
         self._unquiet: list[str] = []  # robots whose alerts have not met the silences of now yet
         self._leaving: list[Change] = []
         self._grace: dict[str, int] = {}
@@ -58,20 +58,20 @@ class Book:
     @property
     def refused(self) -> int:
         """Findings that there was no room for, not even to wait."""
-        return self._waiting.refused
+        return self._overflow.refused
 
     @property
     def waiting(self) -> int:
         """Findings that wait for room."""
-        return len(self._waiting)
+        return len(self._overflow)
 
     @property
     def unresolved(self) -> int:
         """How many alerts are not resolved."""
-        return self._room.taken
+        return self._capacity.taken
 
     def apply(self, edges: Iterable[Edge], now_ns: int) -> None:
-        """What the judge says: every end counts, and every beginning as far as there is room."""
+        """What the evaluator says: every end counts, and every beginning as far as there is room."""
         touched: set[Place] = set()
         for edge in edges:
             finding = edge.finding
@@ -80,7 +80,7 @@ class Book:
             if before is not None and (edge.change == "cleared" or before != place):
                 self._end(finding.key, before, now_ns)
                 touched.add(before)
-            self._waiting.end(finding.key)
+            self._overflow.end(finding.key)
             if edge.change != "cleared" and self._begin(finding, place, now_ns):
                 touched.add(place)
         self._refresh(touched, now_ns)
@@ -91,7 +91,7 @@ class Book:
             pass
 
     def ticking(self, now_ns: int) -> Iterator[None]:
-        """A tick in pieces: between them the book may be told more, and change."""
+        """A tick in pieces: between them the registry may get more findings, and change."""
         for robot in [robot for robot, until_ns in self._grace.items() if until_ns <= now_ns]:
             if self._grace.get(robot, now_ns + 1) <= now_ns:
                 self._end_unsure(robot, now_ns)
@@ -125,17 +125,17 @@ class Book:
         return tuple(sorted((item for item in found if item.unresolved), key=lambda a: (-rank(a.severity), a.id)))
 
     def all(self) -> Iterable[Alert]:
-        """Every alert in the book, resolved ones too."""
+        """Every alert in the registry, resolved ones too."""
         return (entry.alert for entry in self._entries.values())
 
     def revisions(self) -> dict[str, int]:
-        """Which alerts that can still change are in the book as the store had them, and how often each was stored."""
+        """The alerts here that can still change, as the store had them, and how often each was stored."""
         live = (item.alert for item in self._entries.values() if item.alert.unresolved or item.held)
         return {alert.id: alert.revision for alert in live if alert.revision}
 
     def silence(self, silences: Sequence[Silence], now_ns: int) -> None:
         """The silences that are not over."""
-        self._hush.know(silences)
+        self._inhibitor.set_silences(silences)
         self._look_at_silences(now_ns)
 
     def changes(self, now_ns: int, *, most: int, all_of_it: bool = False) -> list[Change]:
@@ -210,8 +210,8 @@ class Book:
     def _begin(self, finding: Finding, place: Place, now_ns: int) -> bool:
         entry = self._entries.get(place)
         if entry is None or (not entry.alert.unresolved and not self._may_go_on(entry, finding, now_ns)):
-            if not self._room.has(place):
-                self._waiting.add(finding)
+            if not self._capacity.has(place):
+                self._overflow.add(finding)
                 return False
             entry = self._open_new(finding, place, entry, now_ns)
         fresh = entry.begin(finding, now_ns)
@@ -221,25 +221,25 @@ class Book:
         elif fresh:
             again = entry.alert.times + (entry.alert.clear_ns > 0)
             entry.alert = replace(entry.alert, times=again, seen_ns=now_ns, clear_ns=0, gateway=self._gateway)
-            entry.tell("changed")
+            entry.note_change("changed")
         else:
             entry.alert = replace(entry.alert, seen_ns=now_ns, gateway=self._gateway)
-            entry.tell("seen")
+            entry.note_change("seen")
         return True
 
     def _begin_again(self, entry: Entry, finding: Finding, *, fresh: bool, now_ns: int) -> None:
         place = (finding.robot, finding.cause)
         worse = rank(finding.severity) > rank(entry.alert.severity)
-        if (fresh or worse) and self._room.has(place):  # else it is known to whoever resolved it
+        if (fresh or worse) and self._capacity.has(place):  # else it is known to whoever resolved it
             entry.alert = replace(entry.alert, gateway=self._gateway)
             entry.reopen(now_ns)
-            self._room.count(place, 1)
+            self._capacity.count(place, 1)
 
     def _may_go_on(self, entry: Entry, finding: Finding, now_ns: int) -> bool:
         """Whether a resolved alert is the one that a finding belongs to."""
         if finding.key in entry.active:
             return True
-        return self._is_recent(entry.alert, now_ns) and self._room.has((entry.alert.robot, entry.alert.cause))
+        return self._is_recent(entry.alert, now_ns) and self._capacity.has((entry.alert.robot, entry.alert.cause))
 
     def _may_come_back(self, alert: Alert, now_ns: int) -> bool:
         return alert.unresolved or not alert.clear_ns or self._is_recent(alert, now_ns)
@@ -258,13 +258,12 @@ class Book:
         entry.active = dict(kept)
         entry.unsure = before.unsure & kept.keys() if before is not None else set()
         self._claim(place, entry)
-        entry.tell("opened")
+        entry.note_change("opened")
         return entry
 
     def _end(self, key: Key, place: Place, now_ns: int) -> None:
         del self._places[key]
-        entry = self._entries[place]
-        entry.end(key, now_ns)
+        self._entries[place].end(key, now_ns)
 
     def _refresh(self, places: Iterable[Place], now_ns: int) -> None:
         robots = set()
@@ -292,7 +291,7 @@ class Book:
                 entry.alert = replace(alert, clear_ns=now_ns)
             elif alert.clear_ns and now_ns - alert.clear_ns >= self._clear_s(alert) * 1e9:
                 entry.resolve(now_ns)
-                self._room.count(place, -1)
+                self._capacity.count(place, -1)
                 self._requiet(alert.robot)
         elif not (entry.active or entry.dirty) and not self._is_recent(alert, now_ns):
             self._drop(place, entry)
@@ -303,9 +302,9 @@ class Book:
 
     def _look_at_silences(self, now_ns: int) -> None:
         """Hold the alerts of some robots against silences; `ticking` goes on with the others."""
-        if self._hush.look(now_ns):
+        if self._inhibitor.refresh(now_ns):
             self._unquiet = list(self._causes)
-        for _ in range(min(len(self._unquiet), self._hush.robots_at_once)):
+        for _ in range(min(len(self._unquiet), self._inhibitor.robots_at_once)):
             self._requiet(self._unquiet.pop())
 
     def _requiet(self, robot: str) -> None:
@@ -316,20 +315,21 @@ class Book:
             alert = entry.alert
             if not alert.unresolved:
                 continue
-            why, silence = self._hush.of(alert, alerts)
+            why, silence = self._inhibitor.of(alert, alerts)
             if (why, silence) != (alert.inhibited_by, alert.silence):
                 entry.alert = replace(alert, inhibited_by=why, silence=silence)
                 if alert.gateway == self._gateway:
-                    entry.tell("changed")
+                    entry.note_change("changed")
 
     def _make_room(self, now_ns: int) -> Iterator[None]:
         """What waits for room gets it, and where some does still, an alert says so."""
-        for number, finding in enumerate(self._waiting.first(self._limits.alerts_unresolved)):
-            if self._room.has((finding.robot, finding.cause)) and (now := self._waiting.end(finding.key)) is not None:
+        for number, finding in enumerate(self._overflow.first(self._limits.alerts_unresolved)):
+            place = (finding.robot, finding.cause)
+            if self._capacity.has(place) and (now := self._overflow.end(finding.key)) is not None:
                 self.apply([Edge("opened", now, now_ns / 1e9)], now_ns)
             if number % AT_ONCE == AT_ONCE - 1:
                 yield
-        self.apply(self._waiting.news(now_ns, full=self._room.full), now_ns)
+        self.apply(self._overflow.news(now_ns, full=self._capacity.full), now_ns)
 
     def _merge(self, place: Place, entry: Entry, stored: Alert, now_ns: int) -> None:
         was, ours = entry.alert.unresolved, entry.alert
@@ -341,14 +341,14 @@ class Book:
         self._by_id.pop(ours.id, None)
         entry.alert = merged(ours, stored)
         self._by_id[stored.id] = entry
-        self._room.count(place, entry.alert.unresolved - was)
+        self._capacity.count(place, entry.alert.unresolved - was)
         if stored.unresolved and ours.id != stored.id:  # another gateway has told that it opened
             entry.news = ["changed"]
         elif was and not stored.unresolved:
             entry.news = ["changed"]
             if any(item.told_ns > stored.resolved_ns for item in entry.active.values()):
                 entry.reopen(now_ns)
-                self._room.count(place, 1)
+                self._capacity.count(place, 1)
         elif not was and not stored.unresolved and ours.resolved_ns != stored.resolved_ns:
             entry.alert = replace(stored, findings=ours.findings, clear_ns=ours.clear_ns)
             entry.news = ["seen"]  # somebody else has told that it is over
@@ -366,13 +366,13 @@ class Book:
             self._claim(place, entry)
             if place[0] in self._grace:
                 self._doubt(entry)
-        self._room.count(place, stored.unresolved - was)
+        self._capacity.count(place, stored.unresolved - was)
 
     def _doubt(self, entry: Entry) -> None:
         """What it groups was told to another gateway, or before a restart."""
         entry.unsure = {key for key in entry.active if not key[2].startswith("rule:")}  # rules tell nothing again
         entry.alert = replace(entry.alert, gateway=self._gateway)
-        entry.tell("seen")
+        entry.note_change("seen")
 
     def _put(self, place: Place, alert: Alert) -> Entry:
         before = self._entries.get(place)
@@ -381,7 +381,7 @@ class Book:
         entry = Entry(alert, active=self._limits.alert_findings_active, shown=self._limits.alert_findings)
         self._entries[place] = self._by_id[alert.id] = entry
         self._causes[place[0]].add(place[1])
-        self._room.count(place, int(alert.unresolved))
+        self._capacity.count(place, int(alert.unresolved))
         return entry
 
     def _drop(self, place: Place, entry: Entry) -> None:
@@ -389,7 +389,7 @@ class Book:
             self._places.pop(key, None)
         del self._entries[place]
         self._by_id.pop(entry.alert.id, None)
-        self._room.count(place, -int(entry.alert.unresolved))
+        self._capacity.count(place, -int(entry.alert.unresolved))
         self._causes[place[0]].discard(place[1])
         if not self._causes[place[0]]:
             del self._causes[place[0]]

@@ -1,8 +1,8 @@
-"""The keeper of alerts: the book in memory and the alerts in the store, each learning from the other.
+"""Keeps the registry in memory and the alerts in the store in step, in both directions.
 
-The store is the truth, and whoever listens is told of nothing that is not stored. With other gateways on the store the
-book learns once a second what they changed; of two who change one alert at once the second merges. All methods on the
-event loop.
+The store is the truth, and listeners get nothing that is not stored. With other gateways on the store the registry
+reads once a second what they changed; of two who change one alert at once the second merges. All methods on the event
+loop.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
-from gateway.alerts.book import Book
-from gateway.alerts.change import Change
-from gateway.alerts.config import AlertConfig
-from gateway.alerts.tally import event_of
+from gateway.alerting.alerts.change import Change
+from gateway.alerting.alerts.config import AlertConfig
+from gateway.alerting.alerts.registry import AlertRegistry
+from gateway.alerting.alerts.summary import event_of
 from gateway.domain.alert import Alert, Silence
 from gateway.errors import StoreError, UnstorableError
-from gateway.store import alert_talk as talk
-from gateway.store import alerts as table
+from gateway.store.alerting import alerts as table
+from gateway.store.alerting import remarks as talk
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.limits import Limits
 
-__all__ = ["Database", "Keeper"]
+__all__ = ["Database", "StoreSync"]
 
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
@@ -54,8 +54,8 @@ class Database(Protocol):
         """A job that reads, in a transaction of its own making."""
 
 
-class Keeper:
-    """Start it, let `run` run; who changed the book calls `changed`."""
+class StoreSync:
+    """Start it, let `run` run; who changed the registry calls `changed`."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Keeper:
         config: AlertConfig,
         topics_of: Callable[[str, str], Collection[str]],
     ) -> None:
-        self.book = Book(gateway=database.gateway_id, limits=limits, config=config, topics_of=topics_of)
+        self.registry = AlertRegistry(gateway=database.gateway_id, limits=limits, config=config, topics_of=topics_of)
         self.listeners: list[Callable[[str, Alert], None]] = []
         self.watchers: list[Callable[[str], None]] = []
         self._database = database
@@ -75,7 +75,7 @@ class Keeper:
         self._emit = emit
         self._limits = limits
         self._config = config
-        self._lock = asyncio.Lock()  # one of us at the store at a time, so that the book knows what is there
+        self._lock = asyncio.Lock()  # one of us at the store at a time, so that the registry knows what is there
         self._wake = asyncio.Event()
         self._trouble = ""
 
@@ -91,11 +91,11 @@ class Keeper:
 
         found, silences = await self.read(job)
         for alert in found:
-            self.book.learn(alert, now_ns)
+            self.registry.learn(alert, now_ns)
         for robot in {alert.robot for alert in found if self._is_ours(alert)}:
             if adopt or not robot:  # the fleet's are nobody's robot
-                self.book.adopt(robot, now_ns)
-        self.book.silence(silences, now_ns)
+                self.registry.adopt(robot, now_ns)
+        self.registry.silence(silences, now_ns)
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -114,11 +114,11 @@ class Keeper:
             log.warning("the last changes of alerts are not kept: %s", error)
 
     def changed(self) -> None:
-        """Something in the book may have to be stored."""
+        """Something in the registry may have to be stored."""
         self._wake.set()
 
     async def write(self, job: Callable[[StoreEngine], Result], learn: Callable[[Result], None]) -> Result:
-        """Change alerts or silences in the store, and let the book know before anybody else changes them."""
+        """Change alerts or silences in the store, and let the registry know before anybody else changes them."""
         async with self._lock:
             done = await self._database.run(job)
             learn(done)
@@ -130,10 +130,10 @@ class Keeper:
         while await self._save_some(all_of_it=all_of_it):
             pass
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Learn what other gateways changed. Raises StoreError."""
         async with self._lock:
-            now_ns, known = self._clock.wall_ns(), self.book.revisions()
+            now_ns, known = self._clock.wall_ns(), self.registry.revisions()
 
             def job(engine: StoreEngine) -> tuple[list[str], list[Alert], list[Silence]]:
                 stored = table.alert_revisions(engine)
@@ -142,10 +142,10 @@ class Keeper:
 
             asked, found, silences = await self.read(job)
             for alert in found:
-                self.book.learn(alert, now_ns)
+                self.registry.learn(alert, now_ns)
             for gone in set(asked) - {alert.id for alert in found}:
-                self.book.forget(gone)
-            self.book.silence(silences, now_ns)
+                self.registry.forget(gone)
+            self.registry.silence(silences, now_ns)
         for robot in {alert.robot for alert in found}:
             self._call(self.watchers, robot)
 
@@ -157,12 +157,12 @@ class Keeper:
 
     def tick(self) -> None:
         """What time does to alerts; `run` calls it once a second."""
-        self.book.tick(self._clock.wall_ns())
+        self.registry.tick(self._clock.wall_ns())
         self._wake.set()
 
     async def _save_some(self, *, all_of_it: bool) -> bool:
         async with self._lock:
-            changes = self.book.changes(self._clock.wall_ns(), most=BATCH, all_of_it=all_of_it)
+            changes = self.registry.changes(self._clock.wall_ns(), most=BATCH, all_of_it=all_of_it)
             if changes:
                 await self._store(changes)
         return bool(changes)
@@ -178,16 +178,16 @@ class Keeper:
             return
         except BaseException:
             for change in changes:
-                self.book.failed(change)
+                self.registry.failed(change)
             raise
         for change, (saved, stored) in zip(changes, outcomes, strict=True):
             if saved:
-                self.book.stored(change)
+                self.registry.stored(change)
                 after = replace(change.alert, revision=change.alert.revision + 1)
                 for what in [what for what in change.news if what != "seen"] or change.news:
                     self.publish(what, after)
             else:
-                self.book.clashed(change, stored, self._clock.wall_ns())
+                self.registry.clashed(change, stored, self._clock.wall_ns())
 
     async def _store_apart(self, changes: Sequence[Change], error: UnstorableError) -> None:
         """No database takes one of these ever: it is let go, so that it does not hold up the others."""
@@ -197,7 +197,7 @@ class Keeper:
             return
         alert = changes[0].alert
         log.error("alert %s of robot %s can never be stored: %s", alert.id, alert.robot, error)
-        self.book.forget(alert.id)
+        self.registry.forget(alert.id)
 
     def publish(self, what: str, alert: Alert, *, by: str = "", remark: bool = False) -> None:
         """Tell of an alert that is stored, or only of a remark; "seen" is no news for people, and no event."""
@@ -219,7 +219,7 @@ class Keeper:
     async def _tick_all(self) -> None:
         while True:
             await asyncio.sleep(self._config.tick_s)
-            for _ in self.book.ticking(self._clock.wall_ns()):
+            for _ in self.registry.ticking(self._clock.wall_ns()):
                 await asyncio.sleep(0)  # others have their turn
             self._wake.set()
 
@@ -233,7 +233,7 @@ class Keeper:
     async def _look_all(self) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            await self._try(self.look)
+            await self._try(self.refresh)
 
     async def _purge_all(self) -> None:
         while True:

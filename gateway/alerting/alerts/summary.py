@@ -1,4 +1,4 @@
-"""Alerts as numbers, and as events of the journal."""
+"""Counts of alerts by state and severity, and an alert as an event of the journal."""
 
 from __future__ import annotations
 

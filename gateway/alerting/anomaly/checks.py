@@ -1,7 +1,7 @@
 """What a check is: one row of a table that says which series are looked at, for what, and how it is told.
 
-The rows that come with the product are in `gateway.anomaly.defaults`; what interprets them is `values` (thresholds and
-changes), `flat` (frozen values), `presence` (silence and rates), `facts` (what is no metric) and the detectors.
+The rows that come with the product are in `defaults`; what interprets them is `values` (thresholds and changes),
+`flat` (frozen values), `presence` (silence and rates), `facts` (what is no metric) and the detectors.
 """
 
 from __future__ import annotations

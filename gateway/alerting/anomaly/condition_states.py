@@ -1,4 +1,4 @@
-"""ok -> pending -> firing -> clearing -> ok, for many conditions at once.
+"""The state machine of a condition, ok -> pending -> firing -> clearing -> ok, for many conditions at once.
 
 A condition fires when it was breached for so long, and is over when it was inside for so long. Only time in which it
 was looked at counts, a minute at most between two looks, so that neither a gap of years nor a clock set back opens
@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
-__all__ = ["CLEARING", "FIRING", "OK", "PENDING", "Holds"]
+__all__ = ["CLEARING", "FIRING", "OK", "PENDING", "ConditionStates"]
 
 OK, PENDING, FIRING, CLEARING = range(4)
 LONGEST_STEP_S = 60.0
 
 
-class Holds:
+class ConditionStates:
     """The states of many conditions, a row each."""
 
     def __init__(self) -> None:

@@ -1,21 +1,21 @@
-"""The parameter set of the judge: its bounds, and the set of each of its parts."""
+"""The parameter set of the evaluator: its bounds, and the set of each of its parts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gateway.anomaly.cohort import CohortConfig
-from gateway.anomaly.lasting import LastingConfig
-from gateway.anomaly.parameters import BankConfig
-from gateway.anomaly.presence import PresenceConfig
-from gateway.anomaly.rates import RateConfig
-from gateway.anomaly.vector import VectorConfig
+from gateway.alerting.anomaly.detectors.cohort import CohortConfig
+from gateway.alerting.anomaly.detectors.lasting import LastingConfig
+from gateway.alerting.anomaly.detectors.presence import PresenceConfig
+from gateway.alerting.anomaly.detectors.rates import RateConfig
+from gateway.alerting.anomaly.detectors.vector import VectorConfig
+from gateway.alerting.anomaly.parameters import BankConfig
 
-__all__ = ["JudgeConfig"]
+__all__ = ["EvaluatorConfig"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JudgeConfig:
+class EvaluatorConfig:
     """Series and robots beyond the bounds are refused, rows beyond theirs dropped; both are counted."""
 
     slots: int = 16_000

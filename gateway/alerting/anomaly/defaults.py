@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from gateway.anomaly.checks import Check
+from gateway.alerting.anomaly.checks import Check
 from metaros.idl.globs import Glob
 
 __all__ = ["DEFAULT_CHECKS", "LEARNING", "Learning", "learning_of"]

@@ -1,4 +1,4 @@
-"""All that judges a gateway's robots, in one place: rows and facts in, findings that open and clear out.
+"""The evaluator of a gateway's robots: rows and facts in, findings that open and clear out.
 
 Rows become cells of one second (`cells`), and each second goes through every detector (`detectors`); what is no
 metric goes through `facts`. Nothing here reads a clock, draws a number or does any input or output: the same calls
@@ -14,43 +14,43 @@ from typing import Any
 
 import numpy as np
 
-from gateway.anomaly.bank import Learned, SnapshotError
-from gateway.anomaly.checks import Check, CheckTable
-from gateway.anomaly.columns import Floats, Ints, Parts, pack, unpack
-from gateway.anomaly.config import JudgeConfig
-from gateway.anomaly.defaults import DEFAULT_CHECKS
-from gateway.anomaly.detectors import Detectors
-from gateway.anomaly.facts import Facts
-from gateway.anomaly.lasting import OF_VALUE
-from gateway.anomaly.moving import pack_robot, put_robot, take_robot, unpack_robot
-from gateway.anomaly.opened import Opened
-from gateway.anomaly.rates import RATE_SERIES, rate_series
-from gateway.anomaly.register import Register, RobotNames
-from gateway.anomaly.teaching import teaches
-from gateway.anomaly.telling import Telling
+from gateway.alerting.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.config import EvaluatorConfig
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.anomaly.detectors.bank import Learned, SnapshotError
+from gateway.alerting.anomaly.detectors.columns import Floats, Ints, Parts, pack, unpack
+from gateway.alerting.anomaly.detectors.detector_set import DetectorSet
+from gateway.alerting.anomaly.detectors.lasting import OF_VALUE
+from gateway.alerting.anomaly.detectors.rates import RATE_SERIES, rate_series
+from gateway.alerting.anomaly.detectors.robot_state import pack_robot, put_robot, take_robot, unpack_robot
+from gateway.alerting.anomaly.facts import Facts
+from gateway.alerting.anomaly.feedback import teaches
+from gateway.alerting.anomaly.findings import FindingWriter
+from gateway.alerting.anomaly.open_findings import OpenFindings
+from gateway.alerting.anomaly.registry import RobotNames, SeriesRegistry
 from gateway.domain.finding import Edge, Finding
 
-__all__ = ["Judge", "JudgeConfig"]
+__all__ = ["Evaluator", "EvaluatorConfig"]
 
 VERSION = 1
 RATE_TOPIC = "host/topics"
-DEFAULT = JudgeConfig()
+DEFAULT = EvaluatorConfig()
 RATE_KEPT_S = 600.0  # a topic that is not named any more counts as 0 for so long
 NAMED = 4096  # topics of one robot
 
 
-class Judge:
+class Evaluator:
     """See the module. Not thread-safe: one thread at a time owns it."""
 
-    def __init__(self, config: JudgeConfig = DEFAULT, *, checks: Sequence[Check] = DEFAULT_CHECKS) -> None:
+    def __init__(self, config: EvaluatorConfig = DEFAULT, *, checks: Sequence[Check] = DEFAULT_CHECKS) -> None:
         self.config = config
         self.table = CheckTable(checks)
         self.refused = 0  # calls for series or robots beyond the bounds
-        self._names = Register(slots=config.slots, robots=config.robots, slots_of_robot=config.slots_of_robot)
-        self._opened = Opened()
-        self._telling = Telling(self._names, self._opened)
-        self._detectors = Detectors(config, self._names, self._telling)
-        self._detectors.obey(self.table)
+        self._names = SeriesRegistry(slots=config.slots, robots=config.robots, slots_of_robot=config.slots_of_robot)
+        self._opened = OpenFindings()
+        self._writer = FindingWriter(self._names, self._opened)
+        self._detectors = DetectorSet(config, self._names, self._writer)
+        self._detectors.set_checks(self.table)
         self._facts = Facts(self.table)
         self._groups: dict[str, int] = {}
         self._named: dict[str, dict[str, float]] = {}
@@ -106,7 +106,7 @@ class Judge:
         """
         old, self.table = self.table, CheckTable(checks)
         self._facts.table = self.table
-        self._detectors.obey(self.table)
+        self._detectors.set_checks(self.table)
         changed = {row.id: self.table.get(row.id) for row in old.rows if self.table.get(row.id) != old.get(row.id)}
         over = [name for name, row in changed.items() if row is None or row.kind in ("threshold", "change")]
         for robot in self._opened.robots():
@@ -138,11 +138,11 @@ class Judge:
         there = known >= 0
         self._detectors.cells.add(known[there], np.full(int(there.sum()), stamp_s), values[there])
 
-    def heard(self, robot: str, now_s: float) -> None:
+    def heartbeat(self, robot: str, now_s: float) -> None:
         """A sign of life, by the gateway's clock."""
         known = self._names.robots.get(robot)
         newest_s = self._detectors.newest_s(known.number) if known is not None and known.series else -np.inf
-        self._facts.heard(robot, now_s, newest_s=newest_s if np.isfinite(newest_s) else None)
+        self._facts.heartbeat(robot, now_s, newest_s=newest_s if np.isfinite(newest_s) else None)
 
     def link(self, robot: str, up: bool, now_s: float) -> None:
         """The robot's link went up or down."""
@@ -181,7 +181,7 @@ class Judge:
             self._detectors.compare(second.at_s, self.table)
             self._at_s = second.at_s
         for change in self._facts.tick(now_s):
-            self._telling.fact(change, now_s)
+            self._writer.fact(change, now_s)
         return self._opened.take()
 
     # --- what is known ---
@@ -230,7 +230,7 @@ class Judge:
         return pack_robot(words, take_robot(self._detectors, known))
 
     def load_robot(self, robot: str, data: bytes) -> None:
-        """Go on with a robot as another judge had it, or this one had.
+        """Go on with a robot as another evaluator had it, or this one had.
 
         Raises:
             SnapshotError: it is damaged, of another version or parameter set, or there is no room for its series:
@@ -270,10 +270,10 @@ class Judge:
         if known is None or list(known.topics) != words["topics"]:
             raise SnapshotError("the robot's topics are others")
         put_robot(self._detectors, known, groups)
-        told = known.topics.get(RATE_TOPIC, -1)
-        if told >= 0:  # rates are not stored: that they are missing for a while is no silence
+        rate_topic = known.topics.get(RATE_TOPIC, -1)
+        if rate_topic >= 0:  # rates are not stored: that they are missing for a while is no silence
             first_s = self._detectors.presence.topics["first_s"]
-            first_s[told] = max(float(first_s[told]), self._detectors.newest_s(known.number))
+            first_s[rate_topic] = max(float(first_s[rate_topic]), self._detectors.newest_s(known.number))
         self._named[robot] = dict(words["named"])
         self._facts.load({name: item for name, item in words["facts"].items() if name == robot})
         self._opened.load([item for item in words["opened"] if item[0]["robot"] == robot])
@@ -297,27 +297,29 @@ class Judge:
         return pack({"judge": {"words": text}, **self._detectors.dump()})
 
     @classmethod
-    def load(cls, data: bytes, config: JudgeConfig = DEFAULT, *, checks: Sequence[Check] = DEFAULT_CHECKS) -> Judge:
-        """A judge as it was.
+    def load(
+        cls, data: bytes, config: EvaluatorConfig = DEFAULT, *, checks: Sequence[Check] = DEFAULT_CHECKS
+    ) -> Evaluator:
+        """An evaluator as it was.
 
         Raises:
             SnapshotError: it is damaged, or of another version or parameter set.
         """
-        judge = cls(config, checks=checks)
+        evaluator = cls(config, checks=checks)
         try:
             parts = unpack(data)
             words = json.loads(parts["judge"]["words"].tobytes())
             if words["version"] != VERSION or words["config"] != repr(config):
-                raise SnapshotError("the judge's snapshot is of another version or parameter set")
-            judge.refused, judge._at_s = words["refused"], words["at_s"]
-            judge._names.load(words["names"])
-            judge._opened.load(words["opened"])
-            judge._facts.load(words["facts"])
-            judge._groups, judge._named = words["groups"], words["named"]
-            judge._detectors.load(parts, judge.table)
+                raise SnapshotError("the evaluator's snapshot is of another version or parameter set")
+            evaluator.refused, evaluator._at_s = words["refused"], words["at_s"]
+            evaluator._names.load(words["names"])
+            evaluator._opened.load(words["opened"])
+            evaluator._facts.load(words["facts"])
+            evaluator._groups, evaluator._named = words["groups"], words["named"]
+            evaluator._detectors.load(parts, evaluator.table)
         except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-            raise SnapshotError(f"the judge's snapshot is damaged: {error!r}") from None
-        return judge
+            raise SnapshotError(f"the evaluator's snapshot is damaged: {error!r}") from None
+        return evaluator
 
     def _add(self, robot: str, known: RobotNames, series: str, topic: str) -> int:
         slot = self._names.slot(robot, known, series, topic)

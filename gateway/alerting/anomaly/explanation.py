@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from gateway.anomaly.parameters import NOVELTIES, THRESHOLD, BankConfig
+from gateway.alerting.anomaly.parameters import NOVELTIES, THRESHOLD, BankConfig
 
 __all__ = ["Explanation", "Judged", "Learned", "band", "explain", "learned"]
 

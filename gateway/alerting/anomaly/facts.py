@@ -1,4 +1,4 @@
-"""What is no metric: robots that fall silent, rows that are late, links that flap, samples lost, nodes that crash.
+"""Checks that need no metric: silent robots, late rows, flapping links, lost samples, crashing nodes.
 
 All times here are the gateway's, apart from the newest stamp of a robot's rows.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.checks import Check, CheckTable
 
 __all__ = ["FactChange", "Facts"]
 
@@ -49,7 +49,7 @@ class Facts:
         self.table = table
         self.robots: dict[str, Robot] = {}
 
-    def heard(self, robot: str, now_s: float, *, newest_s: float | None = None) -> None:
+    def heartbeat(self, robot: str, now_s: float, *, newest_s: float | None = None) -> None:
         """A sign of life; `newest_s` is the newest stamp of its rows."""
         known = self.robots.setdefault(robot, Robot())
         known.heard_s = now_s

@@ -1,10 +1,10 @@
-"""What "this is normal" teaches, by kind of finding, in a sentence for whoever said so. Fixed limits learn nothing."""
+"""Feedback "this is normal": which kinds of finding learn from it, and the sentence that says what was learned."""
 
 from __future__ import annotations
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.lasting import OF_VALUE
-from gateway.anomaly.reasons import number
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.detectors.lasting import OF_VALUE
+from gateway.alerting.anomaly.reasons import number
 from gateway.domain.finding import Finding
 
 __all__ = ["sentence", "teaches"]

@@ -1,4 +1,4 @@
-"""From what detectors say of slots, topics and numbers to findings with names, bands and reasons."""
+"""Makes findings with names, bands and reasons of what detectors report for slots and topics."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gateway.anomaly import reasons
-from gateway.anomaly.cells import Second
-from gateway.anomaly.checks import Check, CheckTable
-from gateway.anomaly.cohort import CohortVerdict
-from gateway.anomaly.columns import Floats
-from gateway.anomaly.facts import FactChange
-from gateway.anomaly.flat import FlatVerdict
-from gateway.anomaly.lasting import Change
-from gateway.anomaly.novelties import NoveltyVerdict
-from gateway.anomaly.opened import Opened
-from gateway.anomaly.presence import Silence
-from gateway.anomaly.rates import RateVerdict
-from gateway.anomaly.register import Register
-from gateway.anomaly.values import ValueChange
-from gateway.anomaly.vector import VectorVerdict
+from gateway.alerting.anomaly import reasons
+from gateway.alerting.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.cohort import CohortVerdict
+from gateway.alerting.anomaly.detectors.columns import Floats
+from gateway.alerting.anomaly.detectors.flat import FlatVerdict
+from gateway.alerting.anomaly.detectors.lasting import Change
+from gateway.alerting.anomaly.detectors.novelties import NoveltyVerdict
+from gateway.alerting.anomaly.detectors.presence import Silence
+from gateway.alerting.anomaly.detectors.rates import RateVerdict
+from gateway.alerting.anomaly.detectors.values import ValueChange
+from gateway.alerting.anomaly.detectors.vector import VectorVerdict
+from gateway.alerting.anomaly.facts import FactChange
+from gateway.alerting.anomaly.open_findings import OpenFindings
+from gateway.alerting.anomaly.registry import SeriesRegistry
 from gateway.domain.finding import Finding
 
-__all__ = ["Telling", "score"]
+__all__ = ["FindingWriter", "score"]
 
 _NAN = math.nan
 
@@ -38,17 +38,17 @@ def score(value: float, low: float, high: float) -> float:
     return 1.0 - 0.5 / (1.0 + beyond / max(width, 1e-12))
 
 
-class Telling:
-    """Writes to `opened`; looks names up in the register and severities in the table."""
+class FindingWriter:
+    """Writes to `opened`; looks names up in the registry and severities in the table."""
 
-    def __init__(self, register: Register, opened: Opened) -> None:
-        self._register = register
+    def __init__(self, registry: SeriesRegistry, opened: OpenFindings) -> None:
+        self._registry = registry
         self._opened = opened
 
     def values(self, changes: list[ValueChange], at_s: float) -> None:
         """Thresholds and rates of change."""
         for change in changes:
-            robot, series, _ = self._register.names[change.slot]
+            robot, series, _ = self._registry.names[change.slot]
             check = change.check
             low = check.low if check.low is not None else _NAN
             high = check.high if check.high is not None else _NAN
@@ -62,7 +62,7 @@ class Telling:
         if check is None:
             return
         for n, slot in enumerate(verdict.slots.tolist()):
-            robot, series, _ = self._register.names[slot]
+            robot, series, _ = self._registry.names[slot]
             run_s, allowed_s, value = float(verdict.run_s[n]), float(verdict.allowed_s[n]), float(verdict.value[n])
             reason = reasons.frozen(value, run_s, allowed_s)
             self._edge(check, robot, series, bool(verdict.opened[n]), value, _NAN, _NAN, reason, at_s - run_s, at_s)
@@ -73,7 +73,7 @@ class Telling:
         if check is None:
             return
         for n, topic in enumerate(verdict.topics.tolist()):
-            robot, name = self._register.topic_names[topic]
+            robot, name = self._registry.topic_names[topic]
             quiet_s, deadline_s = float(verdict.quiet_s[n]), float(verdict.deadline_s[n])
             reason = reasons.silent(quiet_s, deadline_s)
             since_s = at_s - quiet_s
@@ -99,7 +99,7 @@ class Telling:
     def lasting(self, changes: list[Change], table: CheckTable, at_s: float) -> None:
         """Levels, drifts, vibrations, steps. A feature that closes is over on both of its sides."""
         for change in changes:
-            robot, series, _ = self._register.names[change.slot]
+            robot, series, _ = self._registry.names[change.slot]
             source = change.feature.name
             if not change.opened:
                 for kind in {change.feature.above, change.feature.below}:
@@ -118,7 +118,7 @@ class Telling:
         if check is None:
             return
         for n, slot in enumerate(verdict.slots.tolist()):
-            robot, series, _ = self._register.names[slot]
+            robot, series, _ = self._registry.names[slot]
             mean, median, usual = (float(x[n]) for x in (verdict.mean, verdict.median, verdict.usual))
             reason = reasons.cohort(mean, median, int(verdict.others[n]))
             band = (median - usual, median + usual)
@@ -130,7 +130,7 @@ class Telling:
         if check is None:
             return
         for n, place in enumerate(verdict.places.tolist()):
-            robot, series, _ = self._register.names[int(second.slots[place])]
+            robot, series, _ = self._registry.names[int(second.slots[place])]
             value, band = float(second.mean[place]), (float(low[place]), float(high[place]))
             reason = reasons.novel(value, *band)
             opened = bool(verdict.opened[n])

@@ -1,4 +1,4 @@
-"""What is open now. Several features may tell one finding: it opens with the first and clears with the last."""
+"""The findings that are open now. Several features may report one: it opens with the first and clears with the last."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 from gateway.domain.finding import Edge, Finding, FindingSeverity
 
-__all__ = ["Opened"]
+__all__ = ["OpenFindings"]
 
 Key = tuple[str, str, str]
 
 
-class Opened:
+class OpenFindings:
     """Open findings and who holds them open; edges are collected until they are taken."""
 
     def __init__(self) -> None:

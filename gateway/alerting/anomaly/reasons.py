@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.lasting import Change
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.detectors.lasting import Change
 
 __all__ = ["changed", "cohort", "fact", "frozen", "limit", "novel", "number", "rate", "silent", "span", "together"]
 

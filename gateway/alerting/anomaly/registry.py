@@ -1,4 +1,4 @@
-"""Who is who: robots, topics and series by name, and the numbers under which detectors keep them."""
+"""The registry of series: robots, topics and series by name, and the numbers under which detectors keep them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import bisect
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Numbers", "Register", "RobotNames"]
+__all__ = ["NumberAllocator", "RobotNames", "SeriesRegistry"]
 
 
-class Numbers:
-    """Gives the least free number, so that the same calls always give the same ones."""
+class NumberAllocator:
+    """Allocates the least free number, so that the same calls always give the same ones."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -49,13 +49,13 @@ class RobotNames:
     series: dict[str, int] = field(default_factory=dict)
 
 
-class Register:
+class SeriesRegistry:
     """All names. `names` gives (robot, series, topic) of a slot, `topic_names` (robot, topic) of a topic's number."""
 
     def __init__(self, *, slots: int, robots: int, slots_of_robot: int | None = None) -> None:
         """No robot takes more than `slots_of_robot` of the slots."""
         self._of_robot = slots if slots_of_robot is None else slots_of_robot
-        self.slots, self.topics, self.numbers = Numbers(slots), Numbers(slots), Numbers(robots)
+        self.slots, self.topics, self.numbers = NumberAllocator(slots), NumberAllocator(slots), NumberAllocator(robots)
         self.robots: dict[str, RobotNames] = {}
         self.names: dict[int, tuple[str, str, str]] = {}
         self.topic_names: dict[int, tuple[str, str]] = {}

@@ -8,8 +8,8 @@ import numpy as np
 import xxhash
 import zstandard
 
-from gateway.anomaly.parameters import BankConfig
-from gateway.anomaly.state import Bytes
+from gateway.alerting.anomaly.detectors.state import Bytes
+from gateway.alerting.anomaly.parameters import BankConfig
 from gateway.errors import DamagedError
 
 __all__ = ["LARGEST_SERIES", "SnapshotError", "pack", "unpack"]

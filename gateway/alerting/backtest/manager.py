@@ -1,4 +1,4 @@
-"""Backtests for whoever asks: one at a time, on a thread of its own, within bounds of rows and time.
+"""Runs backtests: one at a time, on a thread of its own, within bounds of rows and time.
 
 History is read a piece of the time after the other, so that memory does not grow with the time that is asked for; a
 piece becomes shorter where there is more in it.
@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.anomaly.checks import Check
-from gateway.backtest.replay import Columns, Replay
-from gateway.backtest.report import NS, BacktestRequest, Report, grouped
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.backtest.replay import Columns, Replay
+from gateway.alerting.backtest.report import NS, BacktestRequest, Report, grouped
 from gateway.domain.channel import Series
 from gateway.domain.finding import SEVERITIES
 from gateway.errors import InvalidRequestError, TooManyError
@@ -27,7 +27,7 @@ from metaros.errors import NameError_
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["BacktestDesk"]
+__all__ = ["BacktestManager"]
 
 MAX_NAMED, NAME_CHARS = 64, 256
 MAX_SPAN_NS = 31 * 86_400 * NS
@@ -37,7 +37,7 @@ CHANGES = frozenset({"enabled", "low", "high", "for_s", "clear_s", "severity"})
 SPAN_S = 86_400.0  # the longest for_s and clear_s
 
 
-class BacktestDesk:
+class BacktestManager:
     """Made and used in the event loop; `close` before the store closes. `checks` are those that hold now."""
 
     def __init__(

@@ -14,8 +14,8 @@ from html import escape
 from itertools import groupby, pairwise
 from typing import Any
 
-from gateway.backtest.axis import Axis, number, time_ticks, value_ticks
-from gateway.backtest.plot_style import STYLE
+from gateway.alerting.backtest.axis import Axis, number, time_ticks, value_ticks
+from gateway.alerting.backtest.plot_style import STYLE
 
 __all__ = ["MOST_PANELS", "plot_svg"]
 

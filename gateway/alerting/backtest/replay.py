@@ -1,4 +1,4 @@
-"""Stored rows of one robot through a judge of their own, in order of time. Pure: a worker's thread runs it."""
+"""Stored rows of one robot through an evaluator of their own, in order of time. Pure: a worker's thread runs it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.judgement import Judge, JudgeConfig
-from gateway.backtest.report import NS, Fired, SeriesReport
-from gateway.backtest.trace import SPANS, Spans, Stamps, Trace, Values
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.evaluator import Evaluator, EvaluatorConfig
+from gateway.alerting.backtest.report import NS, Fired, SeriesReport
+from gateway.alerting.backtest.trace import SPANS, Spans, Stamps, Trace, Values
 from gateway.domain.channel import Series
 from gateway.domain.finding import Edge
 
@@ -36,13 +36,13 @@ class Replay:
     def __init__(
         self, robot: str, series: Sequence[Series], *, start_ns: int, end_ns: int, checks: Sequence[Check]
     ) -> None:
-        self._judge = Judge(JudgeConfig(), checks=checks)
-        self._judge.robot(robot)
+        self._evaluator = Evaluator(EvaluatorConfig(), checks=checks)
+        self._evaluator.robot(robot)
         self._robot = robot
         spans = Spans(start_ns, end_ns)
         self._spans, self._span = spans, -1
         self._traces = {item.name: Trace(spans) for item in series}
-        self._slots = {item.name: self._judge.slot(robot, item.name, topic=item.topic) for item in series}
+        self._slots = {item.name: self._evaluator.slot(robot, item.name, topic=item.topic) for item in series}
         self._tick_ns = max(NS, (end_ns - start_ns) // TICKS)
         self._open: dict[tuple[str, str, str], Fired] = {}
         self._over: list[Fired] = []
@@ -65,7 +65,7 @@ class Replay:
         begin = 0
         for at_ns, end in zip(ticks.tolist(), np.searchsorted(stamps, ticks).tolist(), strict=True):
             if end > begin:
-                self._judge.samples(slots[begin:end], stamps[begin:end] / 1e9, values[begin:end])
+                self._evaluator.samples(slots[begin:end], stamps[begin:end] / 1e9, values[begin:end])
             begin = end
             self._tick(min(at_ns, until_ns))
 
@@ -81,7 +81,7 @@ class Replay:
         return tuple(SeriesReport(series=name, samples=t.samples, points=t.points()) for name, t in traces)
 
     def _tick(self, now_ns: int) -> None:
-        self._take(self._judge.tick(now_ns / 1e9))
+        self._take(self._evaluator.tick(now_ns / 1e9))
         span = min(self._spans.of(now_ns), SPANS - 1)
         if span != self._span:
             self._span = span
@@ -92,9 +92,9 @@ class Replay:
         for name, slot in self._slots.items():
             if slot < 0:
                 continue
-            if self._judge.learned(slot).seen < SEEN:
+            if self._evaluator.learned(slot).seen < SEEN:
                 continue
-            low, high = self._judge.band(slot)
+            low, high = self._evaluator.band(slot)
             if np.isfinite(low) and np.isfinite(high):
                 self._traces[name].expect(span, low, high)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.domain.finding import SEVERITIES, Finding, FindingSeverity
 
-__all__ = ["BacktestRequest", "Fired", "Point", "Report", "SeriesReport", "Would", "grouped"]
+__all__ = ["BacktestRequest", "Fired", "Point", "Report", "SeriesReport", "SimulatedAlert", "grouped"]
 
 NS = 10**9
 COOL_DOWN_NS = 600 * NS  # what fires again within it is the same alert
@@ -41,7 +41,7 @@ class Fired:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Would:
+class SimulatedAlert:
     """An alert that would have been: findings of one cause, with no more than the cool-down between them."""
 
     cause: str
@@ -54,7 +54,7 @@ class Would:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeriesReport:
-    """A series as the judge saw it, in so many points as a plot needs; the band is the one before each point."""
+    """A series as the evaluator saw it, in so many points as a plot needs; the band is the one before each point."""
 
     series: str
     samples: int
@@ -70,13 +70,13 @@ class Report:
     end_ns: int
     samples: int
     findings: tuple[Fired, ...]
-    alerts: tuple[Would, ...]
+    alerts: tuple[SimulatedAlert, ...]
     series: tuple[SeriesReport, ...]
     cut: bool = False
     took_s: float = 0.0
 
 
-def grouped(fired: Iterable[Fired]) -> tuple[Would, ...]:
+def grouped(fired: Iterable[Fired]) -> tuple[SimulatedAlert, ...]:
     """The alerts that the findings would have been, in order of time."""
     groups: list[list[Fired]] = []
     newest: dict[str, list[Fired]] = {}
@@ -94,9 +94,9 @@ def _over_ns(group: list[Fired]) -> int:
     return max(item.cleared_ns or 2**63 for item in group)
 
 
-def _would(group: list[Fired]) -> Would:
+def _would(group: list[Fired]) -> SimulatedAlert:
     worst = max(group, key=lambda item: (SEVERITIES.index(item.finding.severity), item.finding.score)).finding
-    return Would(
+    return SimulatedAlert(
         cause=worst.cause,
         severity=worst.severity,
         reason=worst.reason,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.cells import LARGEST
-from gateway.backtest.report import Point
-from gateway.store.lttb import extremes
+from gateway.alerting.anomaly.detectors.cells import LARGEST
+from gateway.alerting.backtest.report import Point
+from gateway.store.telemetry.lttb import extremes
 
 __all__ = ["SPANS", "Spans", "Trace"]
 
@@ -46,7 +46,7 @@ class Trace:
     _scores: dict[int, float] = field(default_factory=dict)
 
     def add(self, stamps_ns: Stamps, values: Values) -> None:
-        """Rows in order of time; what is no number, also to the judge, is left out."""
+        """Rows in order of time; what is no number, also to the evaluator, is left out."""
         self.samples += len(stamps_ns)
         usable = np.abs(values) < LARGEST
         stamps_ns, values = stamps_ns[usable], values[usable]

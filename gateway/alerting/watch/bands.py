@@ -8,11 +8,11 @@ import threading
 from collections import OrderedDict
 from collections.abc import Iterable
 
-from gateway.watch.rows import BandPoint
+from gateway.alerting.watch.rows import BandPoint
 
 __all__ = ["Bands"]
 
-MAX_SERIES = 512  # an hour of each, at one turn a second: 74 MB
+MAX_SERIES = 512  # an hour of each, at one cycle a second: 74 MB
 MAX_OF_ROBOT = 64  # who asks for all of one robot's takes no other's place
 MAX_POINTS = 3600
 Key = tuple[str, str]  # robot, series
@@ -20,7 +20,7 @@ _POINT = struct.Struct("<qdddd")
 
 
 class Bands:
-    """Filled by the judge's thread, read on the event loop."""
+    """Filled by the evaluator's thread, read on the event loop."""
 
     def __init__(
         self, *, max_series: int = MAX_SERIES, max_of_robot: int = MAX_OF_ROBOT, max_points: int = MAX_POINTS

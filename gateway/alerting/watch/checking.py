@@ -10,13 +10,13 @@ from typing import Any
 
 import orjson
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.watch.errors import UnknownCheckError
+from gateway.alerting.watch.rows import CheckRow
 from gateway.domain.finding import SEVERITIES
 from gateway.errors import InvalidRequestError
 from gateway.store.engine import StoreEngine
-from gateway.watch.errors import UnknownCheckError
-from gateway.watch.rows import CheckRow
 
 __all__ = ["FIELDS", "Change", "checked", "merged", "read_changes", "row_of", "write_change"]
 

@@ -1,4 +1,4 @@
-"""Evidence: a cut of the robot's black box around a severe alert's beginning, asked for once, and not too often."""
+"""Evidence: a clip of the robot's black box around a severe alert's beginning, asked for once, and not too often."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
 
 from gateway.domain.alert import Alert
-from gateway.domain.recording import Recording
+from gateway.domain.fleet.recording import Recording
 from gateway.errors import TooManyError
 from metaros.clock import Clock
 from metaros.errors import MetarosError

@@ -1,4 +1,4 @@
-"""What the log has records of: rows that are about to be committed, and turns of the judge."""
+"""What the log has records of: rows that are about to be committed, and cycles of the evaluator."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-__all__ = ["ROWS", "TURN", "Mark", "RowsEntry", "Turn", "pack_rows", "pack_turn", "unpack_rows", "unpack_turn"]
+__all__ = ["CYCLE", "ROWS", "Cycle", "Mark", "RowsEntry", "pack_cycle", "pack_rows", "unpack_cycle", "unpack_rows"]
 
-ROWS, TURN = 1, 2
+ROWS, CYCLE = 1, 2
 Mark = tuple[str, int, int]  # robot, stream, epoch: whose watermark
 _LENGTH = struct.Struct("<I")
 
@@ -49,10 +49,10 @@ class RowsEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
-    """What the judge is given at once: how far each robot's rows are committed, facts in their order, and the time.
+class Cycle:
+    """What the evaluator is given at once: how far each robot's rows are committed, facts in their order, and the time.
 
-    A fact is the name of one of `gateway.watch.mind.FACTS`, then its arguments.
+    A fact is the name of one of `gateway.alerting.watch.state_machine.FACTS`, then its arguments.
     """
 
     now_s: float
@@ -86,13 +86,13 @@ def unpack_rows(payload: bytes) -> RowsEntry:
     )
 
 
-def pack_turn(turn: Turn) -> bytes:
-    """A turn as a record's payload."""
-    marks = [(*mark, seq) for mark, seq in turn.marks.items()]
-    return orjson.dumps([turn.now_s, marks, turn.facts])
+def pack_cycle(cycle: Cycle) -> bytes:
+    """A cycle as a record's payload."""
+    marks = [(*mark, seq) for mark, seq in cycle.marks.items()]
+    return orjson.dumps([cycle.now_s, marks, cycle.facts])
 
 
-def unpack_turn(payload: bytes) -> Turn:
-    """The turn that a payload is."""
+def unpack_cycle(payload: bytes) -> Cycle:
+    """The cycle that a payload is."""
     now_s, marks, facts = orjson.loads(payload)
-    return Turn(now_s=now_s, marks={(robot, stream, epoch): seq for robot, stream, epoch, seq in marks}, facts=facts)
+    return Cycle(now_s=now_s, marks={(robot, stream, epoch): seq for robot, stream, epoch, seq in marks}, facts=facts)

@@ -1,4 +1,4 @@
-"""The judge's thread: it restores, takes turns, answers questions, and writes snapshots. All methods on that thread."""
+"""The evaluation thread: restores, runs cycles, answers queries, writes snapshots. All methods are on that thread."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from gateway.anomaly.bank import SnapshotError
-from gateway.anomaly.rates import RATE_SERIES
+from gateway.alerting.anomaly.detectors.bank import SnapshotError
+from gateway.alerting.anomaly.detectors.rates import RATE_SERIES
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.entries import Cycle, Mark, RowsEntry
+from gateway.alerting.watch.intake import Intake
+from gateway.alerting.watch.rows import BandPoint, SeriesWatch
+from gateway.alerting.watch.state_machine import StateMachine
 from gateway.domain.finding import Edge
-from gateway.watch.bands import Bands
-from gateway.watch.entries import Mark, RowsEntry, Turn
-from gateway.watch.intake import Intake
-from gateway.watch.mind import Mind
-from gateway.watch.rows import BandPoint, SeriesWatch
 from metaros.clock import Clock
 
-__all__ = ["Turns"]
+__all__ = ["EvaluationThread"]
 
 log = logging.getLogger(__name__)
 
@@ -27,14 +27,20 @@ RETRY_S = 60.0
 MAX_SHOWN = 4096
 
 
-class Turns:
-    """Owns the judge; `stop` may be set from any thread, and ends a replay."""
+class EvaluationThread:
+    """Owns the evaluator; `stop` may be set from any thread, and ends a replay."""
 
     def __init__(
-        self, intake: Intake, bands: Bands, *, clock: Clock, make: Callable[[], Mind] = Mind, kept: bool = True
+        self,
+        intake: Intake,
+        bands: Bands,
+        *,
+        clock: Clock,
+        make: Callable[[], StateMachine] = StateMachine,
+        kept: bool = True,
     ) -> None:
         """Without `kept` no snapshot is written: each robot's state is kept elsewhere."""
-        self.mind = make()
+        self.state_machine = make()
         self.stop = False
         self.snapshot_ns = 0  # when the newest was written, by the wall clock
         self.snapshot_bytes = 0
@@ -47,12 +53,12 @@ class Turns:
         self._tried_s = -math.inf
 
     def restore(self, stored: Mapping[Mark, int]) -> dict[Mark, int]:
-        """Be what the judge of the former run was; the watermarks that nobody was told of any more."""
-        kept = self._intake.keeper.load()
+        """Be what the evaluator of the former run was; the watermarks that nobody was told of any more."""
+        kept = self._intake.files.load()
         try:
             if kept.snapshot is not None:
-                self._intake.restore(self.mind.load(kept.snapshot))
-            self._intake.replay(kept, self.mind, stopped=lambda: self.stop)
+                self._intake.restore(self.state_machine.load(kept.snapshot))
+            self._intake.replay(kept, self.state_machine, stopped=lambda: self.stop)
         except SnapshotError as error:
             log.warning("the watch begins anew: %s", error)
             self._begin_anew()
@@ -63,10 +69,10 @@ class Turns:
             self._due_s = self._clock.monotonic_s() + RETRY_S
         return self._intake.committed(stored)
 
-    def turn(self, turn: Turn) -> list[Edge]:
+    def run_cycle(self, cycle: Cycle) -> list[Edge]:
         """Judge what is committed and known by now; what opened, changed or cleared."""
-        taken = self._intake.turn(turn)
-        edges = self.mind.apply(turn, taken)
+        taken = self._intake.log_cycle(cycle)
+        edges = self.state_machine.apply(cycle, taken)
         self._bands.add(self._points(taken))
         self._keep_sometimes()
         return edges
@@ -74,27 +80,27 @@ class Turns:
     def open(self, robot: str | None = None) -> list[Edge]:
         """Everything that is open now, as if it had just opened."""
         now_s = self._clock.wall_ns() / 1e9
-        return [Edge("opened", finding, now_s) for finding in self.mind.judge.open(robot)]
+        return [Edge("opened", finding, now_s) for finding in self.state_machine.evaluator.open(robot)]
 
     def robots(self) -> list[str]:
         """Who is known, and was not told as offline."""
-        judge = self.mind.judge
-        away = {finding.robot for finding in judge.open() if finding.kind == "offline"}
-        return [robot for robot in judge.robots() if robot not in away]
+        evaluator = self.state_machine.evaluator
+        away = {finding.robot for finding in evaluator.open() if finding.kind == "offline"}
+        return [robot for robot in evaluator.robots() if robot not in away]
 
     def learning(self, robot: str) -> list[SeriesWatch]:
         """The series of a robot, by name; the rates of its topics are learned otherwise, and not shown."""
-        judge, found = self.mind.judge, []
-        metrics = [(name, slot) for name, slot in judge.series(robot) if not name.startswith(RATE_SERIES)]
+        evaluator, found = self.state_machine.evaluator, []
+        metrics = [(name, slot) for name, slot in evaluator.series(robot) if not name.startswith(RATE_SERIES)]
         for name, slot in metrics[:MAX_SHOWN]:
-            learned, (low, high) = judge.learned(slot), judge.band(slot)
-            score = judge.score(slot)
+            learned, (low, high) = evaluator.learned(slot), evaluator.band(slot)
+            score = evaluator.score(slot)
             found.append(SeriesWatch(name, learned.seen, learned.of, score, _number(low), _number(high)))
         return found
 
     def _points(self, taken: Sequence[tuple[RowsEntry, slice]]) -> list[tuple[tuple[str, str], BandPoint]]:
         """The newest row of each wanted series, with what was expected."""
-        wanted, judge = self._bands.wanted(), self.mind.judge
+        wanted, evaluator = self._bands.wanted(), self.state_machine.evaluator
         newest: dict[tuple[str, str], tuple[int, float]] = {}
         for entry, span in taken:
             names = wanted.get(entry.robot)
@@ -106,17 +112,17 @@ class Turns:
                     newest[entry.robot, name] = (int(entry.stamps[span][last]), float(entry.values[span][last]))
         points = []
         for (robot, name), (stamp_ns, value) in newest.items():
-            slot = judge.find(robot, name)
+            slot = evaluator.find(robot, name)
             if slot >= 0 and math.isfinite(value):
-                low, high = judge.band(slot)
-                point = BandPoint(stamp_ns, value, _number(low), _number(high), judge.score(slot))
+                low, high = evaluator.band(slot)
+                point = BandPoint(stamp_ns, value, _number(low), _number(high), evaluator.score(slot))
                 points.append(((robot, name), point))
         return points
 
     def _keep_sometimes(self) -> None:
         """A snapshot, where it is time for one."""
         now_s = self._clock.monotonic_s()
-        if (now_s < self._due_s and not self._intake.keeper.full) or now_s - self._tried_s < RETRY_S:
+        if (now_s < self._due_s and not self._intake.files.full) or now_s - self._tried_s < RETRY_S:
             return
         self._tried_s = now_s
         self.keep()
@@ -125,16 +131,16 @@ class Turns:
         """Write a snapshot; how many bytes it has, 0 where the disk takes none, or none is kept."""
         if not self._kept:
             return 0
-        number, judged = self._intake.turn_over()
-        data = self.mind.dump(judged) if number else b""
-        if not number or not self._intake.keeper.save(number, data):
+        number, judged = self._intake.rotate()
+        data = self.state_machine.dump(judged) if number else b""
+        if not number or not self._intake.files.save(number, data):
             return 0
         self._due_s = self._clock.monotonic_s() + SNAPSHOT_S
         self.snapshot_ns, self.snapshot_bytes = self._clock.wall_ns(), len(data)
         return len(data)
 
     def _begin_anew(self) -> None:
-        self.mind = self._make()
+        self.state_machine = self._make()
         self._intake.clear()
         self._due_s = -math.inf  # a snapshot soon: the logs of the former run are not to be gone through again
 

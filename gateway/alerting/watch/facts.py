@@ -1,6 +1,6 @@
-"""What is told of robots beside their rows, until the judge's next turn. Pure.
+"""Facts about robots besides their rows, collected until the evaluator's next cycle. Pure.
 
-A fact is a list that JSON takes, as the log has it: the name of one of `gateway.watch.mind.FACTS`, then arguments.
+A fact is a list that JSON takes, as the log has it: the name of one of `state_machine.FACTS`, then arguments.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.twin import Reported
+from gateway.domain.fleet.twin import Reported
 from metaros.limits import LIMITS
 
 __all__ = ["Facts", "about"]
@@ -23,13 +23,13 @@ NODE_CHARS = 256  # of a node's name: robots choose it
 
 
 class Facts:
-    """On the event loop; more than is bounded between two turns is counted and left out."""
+    """On the event loop; more than is bounded between two cycles is counted and left out."""
 
     def __init__(self, *, most: int = MAX_FACTS) -> None:
         self.skipped = 0
         self._most = most
         self._waiting: list[list[Any]] = []
-        self._heard: list[str] = []
+        self._heartbeats: list[str] = []
         self._topics = 0
         self._cohorts: dict[str, str] = {}
 
@@ -40,10 +40,10 @@ class Facts:
         else:
             self._waiting.append([name, *arguments])
 
-    def heard(self, robot: str) -> None:
+    def heartbeat(self, robot: str) -> None:
         """A robot gives a sign of life."""
-        if len(self._heard) < self._most:
-            self._heard.append(robot)
+        if len(self._heartbeats) < self._most:
+            self._heartbeats.append(robot)
 
     def rates(self, robot: str, rates: Mapping[str, float], stamp_s: float) -> None:
         """How often a robot's topics are published, as its agent counts."""
@@ -59,8 +59,8 @@ class Facts:
             self._cohorts[robot] = cohort
             self.add("robot", robot, cohort)
 
-    def anew(self, robot: str) -> None:
-        """Another judge has the robot now: what was told once is told again."""
+    def reset(self, robot: str) -> None:
+        """Another evaluator has the robot now: what was told once is told again."""
         self._cohorts.pop(robot, None)
 
     def forget(self, robot: str) -> None:
@@ -79,9 +79,9 @@ class Facts:
     def take(self, now_s: float) -> list[list[Any]]:
         """Everything since the last time, in its order."""
         taken, self._waiting = self._waiting, []
-        if self._heard:
-            taken.append(["heard", self._heard, now_s])
-            self._heard = []
+        if self._heartbeats:
+            taken.append(["heard", self._heartbeats, now_s])
+            self._heartbeats = []
         self._topics = 0
         return taken
 
@@ -96,7 +96,7 @@ def about(facts: Iterable[Sequence[Any]], robots: Collection[str]) -> Iterator[S
 
 
 def _states(before: Mapping[str, Any] | None, row: Any) -> Iterator[str]:
-    """What became of a node, in the judge's words."""
+    """What became of a node, in the evaluator's words."""
     if not isinstance(row, Mapping):
         return
     if before is not None and any(_count(row.get(name)) > _count(before.get(name)) for name in ("crashes", "restarts")):

@@ -1,4 +1,4 @@
-"""Robots that come from another gateway's judge, or go to one. All methods on the judge's thread."""
+"""Hands the evaluator's state of robots over between gateways. All methods on the evaluator's thread."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gateway.anomaly.bank import SnapshotError
-from gateway.anomaly.moving import VERSION
-from gateway.store.watch_rows import RecentRows
-from gateway.store.watch_states import Saved
-from gateway.watch.intake import Intake
-from gateway.watch.turns import Turns
+from gateway.alerting.anomaly.detectors.bank import SnapshotError
+from gateway.alerting.anomaly.detectors.robot_state import VERSION
+from gateway.alerting.watch.evaluation import EvaluationThread
+from gateway.alerting.watch.intake import Intake
+from gateway.store.alerting.watch_rows import RecentRows
+from gateway.store.alerting.watch_states import Saved
 from metaros.limits import LIMITS
 
-__all__ = ["BACK_NS", "Moves", "Window"]
+__all__ = ["BACK_NS", "Handover", "ReplayWindow"]
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ FIRST_NS, LAST_NS = -(2**63), 2**63 - 1  # of all stamps: SQL takes no others
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class ReplayWindow:
     """The stamps of the rows that are to be judged after a state, both included; `skipped_s` before them are not."""
 
     start_ns: int
@@ -33,7 +33,7 @@ class Window:
     skipped_s: float = 0.0
 
     @classmethod
-    def after(cls, saved: Saved | None, now_ns: int) -> Window:
+    def after(cls, saved: Saved | None, now_ns: int) -> ReplayWindow:
         """What may have come since a state was saved; nothing where none was."""
         if saved is None or not saved.version or not saved.newest_ns:
             return cls(1, 0)
@@ -45,35 +45,35 @@ class Window:
         return cls(max(start_ns, FIRST_NS), min(end_ns + AHEAD_NS, LAST_NS), skipped_s)
 
 
-class Moves:
-    """Between the judge and what is stored of it."""
+class Handover:
+    """Between the evaluator and the stored states."""
 
-    def __init__(self, turns: Turns, intake: Intake) -> None:
-        self._turns = turns
+    def __init__(self, evaluation: EvaluationThread, intake: Intake) -> None:
+        self._evaluation = evaluation
         self._intake = intake
         self._large: set[str] = set()  # whose state is too large to be saved
         self.replayed = 0
         self.skipped = 0
 
-    def adopt(self, saved: Saved, rows: RecentRows, window: Window, *, since_s: float, now_s: float) -> None:
-        """Judge a robot from now on: as it was saved, then what came since, which the next turn judges.
+    def adopt(self, saved: Saved, rows: RecentRows, window: ReplayWindow, *, since_s: float, now_s: float) -> None:
+        """Judge a robot from now on: as it was saved, then what came since, which the next cycle judges.
 
         `since_s`: since when this gateway could have heard of it.
         """
-        mind, robot = self._turns.mind, saved.robot
+        state_machine, robot = self._evaluation.state_machine, saved.robot
         if saved.version:
             self._intake.skip({(robot, *key): seq for key, seq in rows.marks.items()})
             self._load(saved, rows, window)
         else:
-            mind.forget(robot)
-        if robot not in mind.judge.robots():
-            mind.judge.heard(robot, now_s)
-        mind.judge.waited(robot, since_s)
+            state_machine.forget(robot)
+        if robot not in state_machine.evaluator.robots():
+            state_machine.evaluator.heartbeat(robot, now_s)
+        state_machine.evaluator.waited(robot, since_s)
 
-    def _load(self, saved: Saved, rows: RecentRows, window: Window) -> None:
+    def _load(self, saved: Saved, rows: RecentRows, window: ReplayWindow) -> None:
         robot = saved.robot
         try:
-            count = self._turns.mind.adopt(robot, saved.state, rows)
+            count = self._evaluation.state_machine.adopt(robot, saved.state, rows)
         except SnapshotError as error:
             log.warning("what was learned of robot %s is not known here, and it is learned anew: %s", robot, error)
             return
@@ -89,15 +89,15 @@ class Moves:
 
     def dump(self, fences: Mapping[str, int], *, most_bytes: float, now_ns: int) -> list[Saved]:
         """The states of some robots, until they have so many bytes together; of the first one in any case."""
-        judge, judged = self._turns.mind.judge, self._intake.judged(fences.keys())
+        evaluator, judged = self._evaluation.state_machine.evaluator, self._intake.judged(fences.keys())
         states: list[Saved] = []
         size_bytes = 0
         for robot, fence in fences.items():
             if size_bytes >= most_bytes:
                 break
-            state = judge.dump_robot(robot)
+            state = evaluator.dump_robot(robot)
             version = VERSION if self._fits(robot, len(state)) else 0
-            newest_s, _ = judge.judged_s(robot)
+            newest_s, _ = evaluator.judged_s(robot)
             made = Saved(
                 robot=robot,
                 fence=fence,
@@ -114,7 +114,7 @@ class Moves:
     def forget(self, robot: str) -> None:
         """Another gateway judges the robot."""
         self._intake.forget(robot)
-        self._turns.mind.forget(robot)
+        self._evaluation.state_machine.forget(robot)
         self._large.discard(robot)
 
     def _fits(self, robot: str, size_bytes: int) -> bool:

@@ -1,4 +1,4 @@
-"""Where the store's writer and the judge meet: rows are logged before they are committed, and judged after it.
+"""The write-ahead log of rows: logged before the store commits them, evaluated after it.
 
 So whatever the moment of a kill -9, the log has every row that the store has, and the stored watermarks say which of
 the rest were committed as well.
@@ -10,13 +10,23 @@ import logging
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 
+from gateway.alerting.watch.entries import (
+    CYCLE,
+    ROWS,
+    Cycle,
+    Mark,
+    RowsEntry,
+    pack_cycle,
+    pack_rows,
+    unpack_cycle,
+    unpack_rows,
+)
+from gateway.alerting.watch.pending_rows import PendingRows
+from gateway.alerting.watch.state_machine import StateMachine
+from gateway.alerting.watch.watch_files import Recovered, WatchFiles
 from gateway.domain.channel import METRIC_STREAM
 from gateway.store import StreamWrite
 from gateway.store.writes import Write
-from gateway.watch.entries import ROWS, TURN, Mark, RowsEntry, Turn, pack_rows, pack_turn, unpack_rows, unpack_turn
-from gateway.watch.keeper import Keeper, Kept
-from gateway.watch.mind import Mind
-from gateway.watch.pending import Pending
 from metaros.link import CHANNEL_MASK
 
 __all__ = ["Intake"]
@@ -25,11 +35,11 @@ log = logging.getLogger(__name__)
 
 
 class Intake:
-    """`ahead` on the store's thread, everything else on the judge's."""
+    """`ahead` on the store's thread, everything else on the evaluator's."""
 
-    def __init__(self, keeper: Keeper, *, pending: Pending | None = None) -> None:
-        self.keeper = keeper
-        self.pending = pending if pending is not None else Pending()
+    def __init__(self, files: WatchFiles, *, pending: PendingRows | None = None) -> None:
+        self.files = files
+        self.pending = pending if pending is not None else PendingRows()
         self.on = True
         self._lock = threading.Lock()
 
@@ -43,7 +53,7 @@ class Intake:
                     self._ahead(write)
         except Exception:
             log.exception("rows are not watched: a mistake of ours")
-            self.keeper.whole = False
+            self.files.whole = False
 
     def _ahead(self, write: StreamWrite) -> None:
         rows = write.rows
@@ -59,17 +69,17 @@ class Intake:
             stamps=rows.stamps,
             values=rows.values,
         )
-        payload = pack_rows(entry) if self.keeper.logs else b""
+        payload = pack_rows(entry) if self.files.logs else b""
         with self._lock:
-            self.keeper.append(ROWS, payload)
+            self.files.append(ROWS, payload)
             self.pending.add(entry)
 
-    def turn(self, turn: Turn) -> list[tuple[RowsEntry, slice]]:
-        """Log a turn; the rows that it is about."""
-        payload = pack_turn(turn) if self.keeper.logs else b""
+    def log_cycle(self, cycle: Cycle) -> list[tuple[RowsEntry, slice]]:
+        """Log a cycle; the rows that it is about."""
+        payload = pack_cycle(cycle) if self.files.logs else b""
         with self._lock:
-            self.keeper.append(TURN, payload)
-            return self.pending.take(turn.marks)
+            self.files.append(CYCLE, payload)
+            return self.pending.take(cycle.marks)
 
     def skip(self, marks: Mapping[Mark, int]) -> None:
         """Up to these numbers rows were judged, or will be, by other ways than this."""
@@ -77,7 +87,7 @@ class Intake:
             self.pending.skip(marks)
 
     def forget(self, robot: str) -> None:
-        """A robot's rows are not for this judge."""
+        """A robot's rows are not for this evaluator."""
         with self._lock:
             self.pending.forget(robot)
 
@@ -90,8 +100,8 @@ class Intake:
                     found[robot][stream, epoch] = seq
         return found
 
-    def replay(self, kept: Kept, mind: Mind, *, stopped: Callable[[], bool]) -> None:
-        """Give the judge everything that it was given before, in the same order."""
+    def replay(self, kept: Recovered, state_machine: StateMachine, *, stopped: Callable[[], bool]) -> None:
+        """Give the evaluator everything that it was given before, in the same order."""
         for kind, payload in kept.records():
             if stopped():
                 return
@@ -99,16 +109,16 @@ class Intake:
                 entry = unpack_rows(payload)
                 with self._lock:
                     self.pending.add(entry)
-            elif kind == TURN:
-                turn = unpack_turn(payload)
+            elif kind == CYCLE:
+                cycle = unpack_cycle(payload)
                 with self._lock:
-                    taken = self.pending.take(turn.marks)
-                mind.apply(turn, taken)
+                    taken = self.pending.take(cycle.marks)
+                state_machine.apply(cycle, taken)
 
-    def turn_over(self) -> tuple[int, dict[Mark, int]]:
+    def rotate(self) -> tuple[int, dict[Mark, int]]:
         """A new log that has what is not judged yet; its snapshot's number, and how far rows were judged."""
         with self._lock:
-            number = self.keeper.turn_over((ROWS, pack_rows(entry)) for entry in self.pending.entries())
+            number = self.files.rotate((ROWS, pack_rows(entry)) for entry in self.pending.entries())
             return number, dict(self.pending.judged)
 
     def restore(self, judged: Mapping[Mark, int]) -> None:
@@ -131,7 +141,7 @@ class Intake:
         """Take nothing any more."""
         with self._lock:
             self.on = False
-            self.keeper.close()
+            self.files.close()
 
 
 def _metric(write: StreamWrite) -> bool:

@@ -1,7 +1,7 @@
 """An append-only file of records, each with its length and checksum. What a kill -9 tears off is left out on reading.
 
-Nothing is synced: a killed process loses nothing of what it wrote, and after a loss of power the judge has missed the
-last rows, which costs a little of what it had learned and nothing else.
+Nothing is synced: a killed process loses nothing of what it wrote, and after a loss of power the evaluator has missed
+the last rows, which costs a little of what it had learned and nothing else.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Which robots this gateway judges, where others write to the same store: one at a time has a robot's detectors.
+"""Which robots this gateway evaluates where several share a store: one gateway at a time owns a robot's detectors.
 
-A robot's home has them. They are saved by and by, and when something was told; where the robot links to another
-gateway, that one goes on from what was saved and from the rows since. A gateway's right to its robots lasts as long
-as it says in the database that it lives. Robots whose gateway died and that came nowhere are judged by whichever
-gateway takes them first, so that somebody says that they are offline.
+The gateway that has a robot's link owns it. Detectors are saved by and by, and when something was found; where the
+robot links to another gateway, that one goes on from what was saved and from the rows since. A gateway owns its robots
+as long as it says in the database that it lives. Robots whose gateway died and that came nowhere are owned by
+whichever gateway takes them first, so that somebody says that they are offline.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from collections.abc import Awaitable, Callable, Collection, Sequence
 from functools import partial
 from typing import Any, Final, Protocol
 
+from gateway.alerting.watch.database import Database
+from gateway.alerting.watch.handover import Handover, ReplayWindow
+from gateway.alerting.watch.saves import Saves
 from gateway.errors import StoreError
-from gateway.store.engine import StoreEngine
-from gateway.store.presence import say_alive
-from gateway.store.watch_rows import RecentRows, read_recent
-from gateway.store.watch_states import (
+from gateway.store.alerting.watch_rows import RecentRows, read_recent
+from gateway.store.alerting.watch_states import (
     Saved,
     drop_states,
     free_all,
@@ -30,13 +31,12 @@ from gateway.store.watch_states import (
     save_states,
     take_states,
 )
-from gateway.watch.database import Database
-from gateway.watch.moves import Moves, Window
-from gateway.watch.saves import Saves
+from gateway.store.engine import StoreEngine
+from gateway.store.fleet.presence import say_alive
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["Tenures", "Whereabouts"]
+__all__ = ["Ownership", "RobotLocations"]
 
 log = logging.getLogger(__name__)
 
@@ -49,39 +49,39 @@ AT_ONCE: Final = 128  # robots that are taken, or let go, in one transaction
 READS: Final = 2  # robots that are read from the store at a time
 
 
-class Whereabouts(Protocol):
+class RobotLocations(Protocol):
     """Where robots are."""
 
-    def here(self) -> Collection[str]:
+    def local(self) -> Collection[str]:
         """The robots that are linked to this gateway."""
 
-    def elsewhere(self, robot: str) -> bool:
+    def is_remote(self, robot: str) -> bool:
         """Whether it is linked to another gateway of the store."""
 
     def expected(self, robot: str) -> bool:
         """Whether it may ever come."""
 
 
-class Tenures:
-    """All methods on the event loop. `gained` and `lost` hear of each robot, between two turns of the judge."""
+class Ownership:
+    """All methods on the event loop. `gained` and `lost` are called for each robot, between two cycles."""
 
     def __init__(
         self,
         database: Database,
-        moves: Moves,
+        handover: Handover,
         ask: Callable[[Callable[[], Any]], Awaitable[Any]],
         *,
         clock: Clock,
-        where: Whereabouts,
+        where: RobotLocations,
         gained: Callable[[str], None],
         lost: Callable[[str], None],
     ) -> None:
-        """`ask` does something on the judge's thread."""
+        """`ask` does something on the evaluator's thread."""
         self.lock = asyncio.Lock()  # whoever has it changes whose robots are judged, or judges
         self.held: dict[str, int] = {}  # with the fence of each
         self.saves = Saves(every_s=LIMITS.watch_save_s)
         self._database = database
-        self._moves = moves
+        self._handover = handover
         self._ask = ask
         self._clock = clock
         self._where = where
@@ -135,8 +135,8 @@ class Tenures:
         await self._take_all()
         await self.save(self.saves.due(self._clock.monotonic_s()))
 
-    async def save(self, robots: Sequence[str], *, turning: bool = False) -> None:
-        """Save some of these, the first ones, as much as is allowed at once; `turning`: the caller has the lock.
+    async def save(self, robots: Sequence[str], *, locked: bool = False) -> None:
+        """Save some of these, the first ones, as much as is allowed at once; `locked`: the caller has the lock.
 
         Raises:
             StoreError: nothing was saved.
@@ -149,7 +149,7 @@ class Tenures:
         for state in states:
             self.saves.saved(state.robot, self._clock.monotonic_s())
         gone = {state.robot: state.fence for state in states if state.robot not in done}
-        if gone and not turning:  # else the next look says so
+        if gone and not locked:  # else the next look says so
             await self._drop([robot for robot, fence in gone.items() if self.held.get(robot) == fence])
 
     async def close(self) -> None:
@@ -178,9 +178,9 @@ class Tenures:
         """Robots that are linked elsewhere now, or that nobody expects."""
         if self._leaving:
             await self._store_leaving()
-        here = self._where.here()
+        here = self._where.local()
         away = [robot for robot in self.held if robot not in here]
-        await self._release([robot for robot in away if self._where.elsewhere(robot)][:AT_ONCE])
+        await self._release([robot for robot in away if self._where.is_remote(robot)][:AT_ONCE])
         gone = [robot for robot in away if robot in self.held and not self._where.expected(robot)]
         if gone:
             await self._drop(gone)
@@ -217,7 +217,7 @@ class Tenures:
     async def _forget(self, robots: Sequence[str]) -> None:
         def job() -> None:
             for robot in robots:
-                self._moves.forget(robot)
+                self._handover.forget(robot)
 
         await self._ask(job)
         for robot in robots:
@@ -226,11 +226,11 @@ class Tenures:
 
     async def _take_all(self) -> None:
         """Robots that are here, and those of nobody that came nowhere for a while."""
-        now_s, here = self._clock.monotonic_s(), self._where.here()
+        now_s, here = self._clock.monotonic_s(), self._where.local()
         wanted = [robot for robot in here if robot not in self.held and robot not in self._mine]
         self._waited_s = {robot: self._waited_s.get(robot, now_s) for robot in wanted}
         alone = [robot for robot, since_s in self._alone_s.items() if now_s - since_s >= ORPHAN_S]
-        alone = [robot for robot in alone if robot not in here and not self._where.elsewhere(robot)]
+        alone = [robot for robot in alone if robot not in here and not self._where.is_remote(robot)]
         forced = [robot for robot, since_s in self._waited_s.items() if now_s - since_s >= FORCE_S]
         self._mine |= await self._take([*wanted, *alone][:AT_ONCE])
         self._mine |= await self._take([robot for robot in forced if robot not in self._mine][:AT_ONCE], force=True)
@@ -265,7 +265,7 @@ class Tenures:
             return
         times = {"since_s": self._begun_s, "now_s": now_ns / 1e9}
         async with self.lock:
-            await self._ask(lambda: self._moves.adopt(saved, rows, window, **times))
+            await self._ask(lambda: self._handover.adopt(saved, rows, window, **times))
             self.held[robot] = fence
             self._mine.pop(robot, None)
             self._alone_s.pop(robot, None)
@@ -274,7 +274,7 @@ class Tenures:
 
     async def _dump(self, fences: dict[str, int], most_bytes: float) -> list[Saved]:
         now_ns = self._clock.wall_ns()
-        dumped: list[Saved] = await self._ask(lambda: self._moves.dump(fences, most_bytes=most_bytes, now_ns=now_ns))
+        dumped: list[Saved] = await self._ask(lambda: self._handover.dump(fences, most_bytes=most_bytes, now_ns=now_ns))
         return dumped
 
     async def _store(self, states: Sequence[Saved], *, free: bool = False) -> set[str]:
@@ -282,10 +282,10 @@ class Tenures:
         return await self._database.run(lambda engine: save_states(engine, me, states, free=free))
 
 
-def _read(engine: StoreEngine, *, robot: str, now_ns: int) -> tuple[Saved | None, RecentRows, Window]:
+def _read(engine: StoreEngine, *, robot: str, now_ns: int) -> tuple[Saved | None, RecentRows, ReplayWindow]:
     """What was saved of a robot, and its rows since."""
     with engine.transaction(write=False):
         saved = read_state(engine, robot)
-    window = Window.after(saved, now_ns)
+    window = ReplayWindow.after(saved, now_ns)
     most = LIMITS.watch_replay_rows
     return saved, read_recent(engine, robot, start_ns=window.start_ns, end_ns=window.end_ns, most=most), window

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Iterator, Mapping
 
-from gateway.watch.entries import Mark, RowsEntry
+from gateway.alerting.watch.entries import Mark, RowsEntry
 
-__all__ = ["Pending"]
+__all__ = ["PendingRows"]
 
 MAX_ROWS = 2_000_000  # 40 MB: what is beyond is left out, the oldest first
 MAX_ENTRIES = 100_000  # each takes about as much as fifty rows, however few it has
 REMEMBERED_MARKS = 65_536
 
 
-class Pending:
+class PendingRows:
     """Entries by stream and epoch, and up to which number each was judged."""
 
     def __init__(self, *, max_rows: int = MAX_ROWS) -> None:

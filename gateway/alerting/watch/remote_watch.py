@@ -1,4 +1,4 @@
-"""Questions about robots that another gateway judges, and what this one answers the others."""
+"""Queries about robots that another gateway evaluates, and this gateway's answers to the others."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import asdict, astuple
 from typing import Any, Final, Protocol
 
+from gateway.alerting.watch.database import Database
+from gateway.alerting.watch.rows import BandPoint, SeriesWatch
 from gateway.domain.finding import Finding
 from gateway.errors import GatewayError
+from gateway.store.alerting.watch_states import owner_of
 from gateway.store.engine import StoreEngine
-from gateway.store.watch_states import owner_of
-from gateway.watch.database import Database
-from gateway.watch.rows import BandPoint, SeriesWatch
 
-__all__ = ["ASK_S", "Elsewhere", "Here", "answers"]
+__all__ = ["ASK_S", "LocalWatch", "RemoteWatch", "answers"]
 
 LEARNING: Final = "watch.learning"
 BAND: Final = "watch.band"
@@ -25,21 +25,21 @@ Ask = Callable[[str, str, bytes], Awaitable[bytes]]  # gateway, verb, payload
 Answer = Callable[[str, bytes], Awaitable[bytes]]
 
 
-class Here(Protocol):
-    """What a gateway's own watch knows."""
+class LocalWatch(Protocol):
+    """What this gateway's own watch answers."""
 
-    async def learning_here(self, robot: str) -> list[SeriesWatch]:
+    async def local_learning(self, robot: str) -> list[SeriesWatch]:
         """How far each series of a robot is learned, by name."""
 
-    def band_here(self, robot: str, series: str, from_ns: int, to_ns: int) -> list[BandPoint]:
+    def local_band(self, robot: str, series: str, from_ns: int, to_ns: int) -> list[BandPoint]:
         """What a series was and was expected to be, oldest first."""
 
-    async def normal_here(self, findings: Sequence[Finding]) -> list[str]:
+    async def local_normal(self, findings: Sequence[Finding]) -> list[str]:
         """Teach what was found; what was taught."""
 
 
-class Elsewhere:
-    """Asks the gateway that judges a robot. What none can say is nothing; a lesson that none hears is an error."""
+class RemoteWatch:
+    """Asks the gateway that evaluates a robot. No answer is an empty one; feedback that none receives is an error."""
 
     def __init__(self, database: Database, ask: Ask) -> None:
         self._database = database
@@ -76,20 +76,20 @@ class Elsewhere:
         return found
 
 
-def answers(here: Here) -> Mapping[str, Answer]:
+def answers(here: LocalWatch) -> Mapping[str, Answer]:
     """What other gateways may ask, by verb."""
 
     async def learning(sender: str, payload: bytes) -> bytes:
         (robot,) = json.loads(payload)
-        return _packed(astuple(row) for row in await here.learning_here(str(robot)))
+        return _packed(astuple(row) for row in await here.local_learning(str(robot)))
 
     async def band(sender: str, payload: bytes) -> bytes:
         robot, series, from_ns, to_ns = json.loads(payload)
-        return _packed(astuple(row) for row in here.band_here(str(robot), str(series), int(from_ns), int(to_ns)))
+        return _packed(astuple(row) for row in here.local_band(str(robot), str(series), int(from_ns), int(to_ns)))
 
     async def normal(sender: str, payload: bytes) -> bytes:
         findings = [Finding(**fields) for fields in json.loads(payload)]
-        return _packed(await here.normal_here(findings))
+        return _packed(await here.local_normal(findings))
 
     return {LEARNING: learning, BAND: band, NORMAL: normal}
 

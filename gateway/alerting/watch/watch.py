@@ -1,7 +1,7 @@
-"""The watch: once a second everything that came since is judged on a thread of its own, and what is found is told.
+"""The watch: once a second what came since is evaluated on a thread of its own, and findings are reported.
 
-The event loop only notes watermarks and facts. Rows reach the judge through the log (`gateway.watch.intake`), so that
-a gateway that was killed goes on with the very same scores.
+The event loop only notes watermarks and facts. Rows reach the evaluator through the log (`intake`), so that a gateway
+that was killed goes on with the very same scores.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.teaching import sentence, teaches
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.feedback import sentence, teaches
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.checking import Change, checked, merged, read_changes, row_of, write_change
+from gateway.alerting.watch.database import Database
+from gateway.alerting.watch.entries import Cycle, Mark
+from gateway.alerting.watch.evaluation import EvaluationThread
+from gateway.alerting.watch.facts import Facts, about
+from gateway.alerting.watch.handover import Handover
+from gateway.alerting.watch.intake import Intake
+from gateway.alerting.watch.ownership import Ownership, RobotLocations
+from gateway.alerting.watch.remote_watch import RemoteWatch
+from gateway.alerting.watch.rows import BandPoint, CheckRow, SeriesWatch
+from gateway.alerting.watch.state_machine import StateMachine
+from gateway.alerting.watch.watch_files import WatchFiles
 from gateway.domain.alert import Alert
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.finding import Edge, Finding
-from gateway.domain.recording import Recording
+from gateway.domain.fleet.recording import Recording
 from gateway.errors import StoreError
-from gateway.store.query import read_metric_marks
+from gateway.store.telemetry.query import read_metric_marks
 from gateway.store.writes import Committed, StreamWrite
-from gateway.watch.bands import Bands
-from gateway.watch.checking import Change, checked, merged, read_changes, row_of, write_change
-from gateway.watch.database import Database
-from gateway.watch.elsewhere import Elsewhere
-from gateway.watch.entries import Mark, Turn
-from gateway.watch.facts import Facts, about
-from gateway.watch.intake import Intake
-from gateway.watch.keeper import Keeper
-from gateway.watch.mind import Mind
-from gateway.watch.moves import Moves
-from gateway.watch.rows import BandPoint, CheckRow, SeriesWatch
-from gateway.watch.tenures import Tenures, Whereabouts
-from gateway.watch.turns import Turns
 from metaros.clock import Clock
 from metaros.link import CHANNEL_MASK
 
@@ -46,7 +46,7 @@ __all__ = ["Watch"]
 log = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
-TURN_S = 1.0
+CYCLE_S = 1.0
 LOOK_S = 30.0  # at what other gateways changed in the table of checks
 AT_ONCE = 32  # edges that are told before others have their turn on the event loop
 CLOSE_S = 5.0
@@ -63,16 +63,16 @@ class Watch:
         database: Database,
         *,
         clock: Clock,
-        tell: Callable[[Sequence[Edge]], None],
+        report: Callable[[Sequence[Edge]], None],
         clip: Callable[[Alert], Awaitable[Recording]],
         stream_name: Callable[[StreamWrite], str] = lambda write: f"stream {write.stream_id & CHANNEL_MASK}",
         on: bool = True,
-        make: Callable[[], Mind] = Mind,
-        where: Whereabouts | None = None,
+        make: Callable[[], StateMachine] = StateMachine,
+        where: RobotLocations | None = None,
         gained: Callable[[str], None] = lambda robot: None,
         lost: Callable[[str], None] = lambda robot: None,
     ) -> None:
-        """`tell` takes what was found; `clip` asks for evidence; `stream_name` is how people call a stream; without
+        """`report` takes what was found; `clip` asks for evidence; `stream_name` is how people call a stream; without
         `on` nothing is watched.
 
         With `where` other gateways write to the store too: then robots are judged here only between `gained` and
@@ -81,33 +81,33 @@ class Watch:
         self.on = on
         self.ready = False
         self.clip = clip
-        self.elsewhere: Elsewhere | None = None  # asks the gateways that judge other robots
+        self.remote: RemoteWatch | None = None  # asks the gateways that judge other robots
         self.facts = Facts()
         self._database = database
         self._clock = clock
-        self._tell = tell
+        self._report = report
         self._stream_name = stream_name
-        self._intake = Intake(Keeper(folder))
+        self._intake = Intake(WatchFiles(folder))
         self._intake.on = on
         self._bands = Bands()
-        self._turns = Turns(self._intake, self._bands, clock=clock, make=make, kept=where is None)
+        self._evaluation = EvaluationThread(self._intake, self._bands, clock=clock, make=make, kept=where is None)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="gateway-watch")
         self._marks: dict[Mark, int] = {}
         self._stored: dict[Mark, int] = {}
         self._changes: dict[str, Change] = {}
         self._again: set[str] = set()
-        self._turned = asyncio.Condition()
-        self._begun = self._ended = 0  # turns
+        self._cycle_done = asyncio.Condition()
+        self._begun = self._ended = 0  # cycles
         self._looked_s = -math.inf
-        self._turn_s = 0.0
-        self._moves = Moves(self._turns, self._intake)
-        self._tenures: Tenures | None = None
-        self._turning = asyncio.Lock()
+        self._cycle_s = 0.0
+        self._handover = Handover(self._evaluation, self._intake)
+        self._ownership: Ownership | None = None
+        self._cycle_lock = asyncio.Lock()
         if where is not None and on:
-            self._tenures = Tenures(
-                database, self._moves, self._ask, clock=clock, where=where, gained=self._gain, lost=self._lose
+            self._ownership = Ownership(
+                database, self._handover, self._ask, clock=clock, where=where, gained=self._gain, lost=self._lose
             )
-            self._turning = self._tenures.lock
+            self._cycle_lock = self._ownership.lock
         self._gained, self._lost = gained, lost
 
     @property
@@ -120,94 +120,94 @@ class Watch:
         self._changes = await self._database.read(read_changes)
         if not self.on:
             return
-        if self._tenures is None:
+        if self._ownership is None:
             self._stored = await self._database.read(read_metric_marks)
             try:
-                await asyncio.to_thread(self._intake.keeper.begin)
+                await asyncio.to_thread(self._intake.files.begin)
             except OSError as error:
                 log.error("what is watched will not outlive this gateway: %s", error)
-        self._tell_checks()
+        self._report_checks()
 
     async def run(self) -> None:
-        """Restore, then take turns, until cancelled."""
+        """Restore, then run cycles, until cancelled."""
         if not self.on:
             return
         async with asyncio.TaskGroup() as group:
             await self.begin()
-            if self._tenures is not None:
-                group.create_task(self._tenures.run())
-            await self._take_turns()
+            if self._ownership is not None:
+                group.create_task(self._ownership.run())
+            await self._cycles()
 
-    async def _take_turns(self) -> None:
+    async def _cycles(self) -> None:
         while True:
             began_s = self._clock.monotonic_s()
-            await self.turn()
-            self._turn_s = self._clock.monotonic_s() - began_s
+            await self.run_cycle()
+            self._cycle_s = self._clock.monotonic_s() - began_s
             await self._look()
-            await asyncio.sleep(max(0.0, TURN_S - self._turn_s))
+            await asyncio.sleep(max(0.0, CYCLE_S - self._cycle_s))
 
     async def begin(self) -> None:
         """Be what the watch of the former run was; what is open is told again."""
-        if self._tenures is not None:
+        if self._ownership is not None:
             self.ready = True
             return
-        self._marks = {**await self._ask(partial(self._turns.restore, self._stored)), **self._marks}
+        self._marks = {**await self._ask(partial(self._evaluation.restore, self._stored)), **self._marks}
         self._stored = {}
         now_s = self._clock.wall_ns() / 1e9
-        self.facts.add("heard", await self._ask(self._turns.robots), now_s)  # they have their time to come back
-        await self.tell_all(await self._ask(self._turns.open))
+        self.facts.add("heard", await self._ask(self._evaluation.robots), now_s)  # they have their time to come back
+        await self.report_all(await self._ask(self._evaluation.open))
         self.ready = True
 
-    async def turn(self) -> None:
-        """Judge what came since the last turn, and tell what was found."""
-        async with self._turning:
-            if self._tenures is None or self._tenures.sure:
-                await self._turn()
+    async def run_cycle(self) -> None:
+        """Judge what came since the last cycle, and tell what was found."""
+        async with self._cycle_lock:
+            if self._ownership is None or self._ownership.sure:
+                await self._run_cycle()
 
-    async def _turn(self) -> None:
+    async def _run_cycle(self) -> None:
         now_s = self._clock.wall_ns() / 1e9
         again, self._again = self._again, set()
-        turn = self._next_turn(now_s)
+        cycle = self._next_cycle(now_s)
         self._begun += 1
         try:
-            edges = await self._ask(partial(self._turns.turn, turn))
+            edges = await self._ask(partial(self._evaluation.run_cycle, cycle))
         except Exception:  # whatever is wrong with it, the gateway goes on
-            log.exception("a turn of the watch failed")
+            log.exception("a cycle of the watch failed")
             edges = []
-        await self._save(turn, edges)
+        await self._save(cycle, edges)
         for robot in sorted(again):
-            await self.tell_all(await self._ask(partial(self._turns.open, robot)))
-        await self.tell_all(edges)
-        async with self._turned:
+            await self.report_all(await self._ask(partial(self._evaluation.open, robot)))
+        await self.report_all(edges)
+        async with self._cycle_done:
             self._ended = self._begun
-            self._turned.notify_all()
+            self._cycle_done.notify_all()
 
-    def _next_turn(self, now_s: float) -> Turn:
+    def _next_cycle(self, now_s: float) -> Cycle:
         """What is to be judged of what came; rows of robots that another gateway judges wait, facts do not."""
         facts, marks = self.facts.take(now_s), self._marks
-        if self._tenures is None:
+        if self._ownership is None:
             self._marks = {}
-            return Turn(now_s=now_s, marks=marks, facts=facts)
-        held = self._tenures.held
+            return Cycle(now_s=now_s, marks=marks, facts=facts)
+        held = self._ownership.held
         mine = {mark: seq for mark, seq in marks.items() if mark[0] in held}
         self._marks = {mark: seq for mark, seq in marks.items() if mark[0] not in held}
-        return Turn(now_s=now_s, marks=mine, facts=list(about(facts, held)))
+        return Cycle(now_s=now_s, marks=mine, facts=list(about(facts, held)))
 
-    async def _save(self, turn: Turn, edges: Sequence[Edge]) -> None:
+    async def _save(self, cycle: Cycle, edges: Sequence[Edge]) -> None:
         """Where robots may go to another gateway: what is told is saved before, so that nobody tells it again."""
-        if self._tenures is None:
+        if self._ownership is None:
             return
-        self._tenures.saves.changed({mark[0] for mark in turn.marks})
-        told = list(dict.fromkeys(edge.finding.robot for edge in edges))
-        self._tenures.saves.hurry(told)
+        self._ownership.saves.changed({mark[0] for mark in cycle.marks})
+        robots = list(dict.fromkeys(edge.finding.robot for edge in edges))
+        self._ownership.saves.hurry(robots)
         try:
-            await self._tenures.save(told, turning=True)
+            await self._ownership.save(robots, locked=True)
         except StoreError as error:
             log.debug("what was found is told before it is saved: %s", error)
 
     def _gain(self, robot: str) -> None:
         """This gateway judges the robot from now on."""
-        self.facts.anew(robot)
+        self.facts.reset(robot)
         self._again.add(robot)
         self._gained(robot)
 
@@ -219,20 +219,20 @@ class Watch:
 
     async def snapshot(self) -> int:
         """Write a snapshot now; how many bytes it has, 0 where the disk takes none."""
-        return await self._ask(self._turns.keep)
+        return await self._ask(self._evaluation.keep)
 
     async def close(self) -> None:
         """Judge no more; what was logged is gone through by the next gateway on this data directory.
 
         Where robots may go to another gateway, that one goes on from here.
         """
-        if self._tenures is not None:
+        if self._ownership is not None:
             try:
                 async with asyncio.timeout(LEAVE_S):
-                    await self._tenures.close()
+                    await self._ownership.close()
             except (StoreError, TimeoutError) as error:
                 log.warning("what was learned last is not saved: %s", error or "it takes too long")
-        self._turns.stop = True
+        self._evaluation.stop = True
         ending = asyncio.create_task(asyncio.to_thread(self._thread.shutdown, cancel_futures=True))
         await asyncio.wait({ending}, timeout=CLOSE_S)
         await asyncio.to_thread(self._intake.close)
@@ -251,30 +251,30 @@ class Watch:
 
     def judges(self, robot: str) -> bool:
         """Whether this gateway judges the robot."""
-        return self.on and (self._tenures is None or robot in self._tenures.held)
+        return self.on and (self._ownership is None or robot in self._ownership.held)
 
-    async def know(self, robots: Collection[str]) -> None:
+    async def ensure_evaluated(self, robots: Collection[str]) -> None:
         """Somebody is to judge these robots, of which there are alerts. StoreError."""
-        if self._tenures is not None:
-            await self._tenures.begin(robots)
+        if self._ownership is not None:
+            await self._ownership.begin(robots)
 
     async def learning(self, robot: str) -> list[SeriesWatch]:
         """How far each series of a robot is learned, by name."""
-        if self.elsewhere is not None and not self.judges(robot):
-            return await self.elsewhere.learning(robot)
-        return await self.learning_here(robot)
+        if self.remote is not None and not self.judges(robot):
+            return await self.remote.learning(robot)
+        return await self.local_learning(robot)
 
-    async def learning_here(self, robot: str) -> list[SeriesWatch]:
+    async def local_learning(self, robot: str) -> list[SeriesWatch]:
         """The same, of a robot that is judged here; none of others."""
-        return await self._ask(partial(self._turns.learning, robot)) if self.ready else []
+        return await self._ask(partial(self._evaluation.learning, robot)) if self.ready else []
 
     async def band(self, robot: str, series: str, from_ns: int, to_ns: int) -> list[BandPoint]:
         """What a series was and was expected to be, oldest first; it is kept from when somebody first asked."""
-        if self.elsewhere is not None and not self.judges(robot):
-            return await self.elsewhere.band(robot, series, from_ns, to_ns)
-        return self.band_here(robot, series, from_ns, to_ns)
+        if self.remote is not None and not self.judges(robot):
+            return await self.remote.band(robot, series, from_ns, to_ns)
+        return self.local_band(robot, series, from_ns, to_ns)
 
-    def band_here(self, robot: str, series: str, from_ns: int, to_ns: int) -> list[BandPoint]:
+    def local_band(self, robot: str, series: str, from_ns: int, to_ns: int) -> list[BandPoint]:
         """The same, of a robot that is judged here."""
         if self.on:
             self._bands.want(robot, series)
@@ -288,12 +288,12 @@ class Watch:
         """
         findings = [evidence.finding for evidence in alert.findings]
         if not self.on or self.judges(alert.robot):
-            return await self.normal_here(findings)
-        if self.elsewhere is None:
+            return await self.local_normal(findings)
+        if self.remote is None:
             return [f"robot {alert.robot} is judged by another gateway, which learns nothing of this"]
-        return await self.elsewhere.normal(alert.robot, findings)
+        return await self.remote.normal(alert.robot, findings)
 
-    async def normal_here(self, findings: Sequence[Finding]) -> list[str]:
+    async def local_normal(self, findings: Sequence[Finding]) -> list[str]:
         """The same, of a robot that is judged here."""
         if not self.ready:
             return []
@@ -307,8 +307,8 @@ class Watch:
         if taught:
             wanted = self._begun + 1
             with contextlib.suppress(TimeoutError):  # it is queued all the same
-                async with asyncio.timeout(NORMAL_S), self._turned:
-                    await self._turned.wait_for(lambda: self._ended >= wanted)
+                async with asyncio.timeout(NORMAL_S), self._cycle_done:
+                    await self._cycle_done.wait_for(lambda: self._ended >= wanted)
         return list(dict.fromkeys(said))
 
     def table(self) -> tuple[Check, ...]:
@@ -338,21 +338,23 @@ class Watch:
 
     def describe(self) -> dict[str, Any]:
         """Numbers for whoever looks after the gateway."""
-        keeper, pending, mind = self._intake.keeper, self._intake.pending, self._turns.mind
+        files, pending, state_machine = self._intake.files, self._intake.pending, self._evaluation.state_machine
         return {
             "on": self.on,
             "ready": self.ready,
-            "rows": mind.rows,
+            "rows": state_machine.rows,
             "waiting_rows": pending.rows,
             "dropped_rows": pending.dropped,
             "skipped_facts": self.facts.skipped,
-            "log_bytes": keeper.size_bytes,
-            "snapshot_bytes": self._turns.snapshot_bytes,
-            "snapshot_ns": self._turns.snapshot_ns,
-            "turn_s": round(self._turn_s, 4),
-            "robots": len(self._tenures.held) if self._tenures is not None else len(mind.judge.robots()),
-            "replayed_rows": self._moves.replayed,
-            "skipped_replays": self._moves.skipped,
+            "log_bytes": files.size_bytes,
+            "snapshot_bytes": self._evaluation.snapshot_bytes,
+            "snapshot_ns": self._evaluation.snapshot_ns,
+            "turn_s": round(self._cycle_s, 4),
+            "robots": len(self._ownership.held)
+            if self._ownership is not None
+            else len(state_machine.evaluator.robots()),
+            "replayed_rows": self._handover.replayed,
+            "skipped_replays": self._handover.skipped,
         }
 
     async def _put_check(self, check_id: str, values: Mapping[str, Any], by: str) -> CheckRow:
@@ -361,10 +363,10 @@ class Watch:
         self._changes = {key: found for key, found in self._changes.items() if key != check_id}
         if values:
             self._changes[check_id] = change
-        self._tell_checks()
+        self._report_checks()
         return next(row for row in self.checks() if row.id == check_id)
 
-    def _tell_checks(self) -> None:
+    def _report_checks(self) -> None:
         self.facts.add("checks", {check_id: dict(change.values) for check_id, change in self._changes.items()})
 
     async def _look(self) -> None:
@@ -380,13 +382,13 @@ class Watch:
             return
         if found != self._changes:
             self._changes = found
-            self._tell_checks()
+            self._report_checks()
 
-    async def tell_all(self, edges: Sequence[Edge]) -> None:
+    async def report_all(self, edges: Sequence[Edge]) -> None:
         """Tell what was found, a few at a time: others have their turns on the event loop meanwhile."""
         for start in range(0, len(edges), AT_ONCE):
             some = edges[start : start + AT_ONCE]
-            self._tell(some)
+            self._report(some)
             for edge in some:
                 if edge.change == "opened" and edge.finding.series:
                     self._bands.want(edge.finding.robot, edge.finding.series)

@@ -1,7 +1,7 @@
-"""The watch's files: a snapshot of the judge, and the logs of everything that it was given since.
+"""The watch's files: a snapshot of the evaluator, and the logs of everything that it was given since.
 
 `log-N` begins with the state that `snapshot-N` holds, so that the newest whole snapshot and the logs from its number
-on give the judge as it was. A snapshot is written beside the new log; until it is there the ones before it count.
+on give the evaluator as it was. A snapshot is written beside the new log; until it is there the ones before it count.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.watch.log import LogFile, read_log
+from gateway.alerting.watch.log import LogFile, read_log
 
-__all__ = ["Keeper", "Kept"]
+__all__ = ["Recovered", "WatchFiles"]
 
 log = logging.getLogger(__name__)
 
@@ -31,8 +31,8 @@ _NAME = re.compile(r"(log|snapshot)-(\d{8})")
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """What a former run left: a snapshot's bytes, None for a judge that knows nothing, and the logs after it."""
+class Recovered:
+    """What a former run left: a snapshot's bytes, None for an evaluator that knows nothing, and the logs after it."""
 
     snapshot: bytes | None
     logs: tuple[Path, ...]
@@ -43,7 +43,7 @@ class Kept:
             yield from read_log(path)
 
 
-class Keeper:
+class WatchFiles:
     """Owns `folder`. Not thread-safe; nothing here raises OSError but `load` and `begin`."""
 
     def __init__(self, folder: Path, *, log_bytes: int = LOG_BYTES) -> None:
@@ -68,7 +68,7 @@ class Keeper:
         """Whether it is time for a snapshot."""
         return not self.whole or self.size_bytes >= self._log_bytes
 
-    def load(self) -> Kept:
+    def load(self) -> Recovered:
         """What is there of former runs; what is damaged is left out, with a line in the gateway's log."""
         found = [(kind, number) for kind, number in self._found() if number < self._number]
         snapshots = sorted((number for kind, number in found if kind == "snapshot"), reverse=True)
@@ -76,12 +76,12 @@ class Keeper:
         for number in snapshots:
             data = _read_snapshot(self._folder / _name("snapshot", number))
             if data is not None:
-                return Kept(data, self._paths(logs, number))
+                return Recovered(data, self._paths(logs, number))
             log.warning("%s is damaged", self._folder / _name("snapshot", number))
         if logs and logs[0] != 1:
             log.warning("the watch begins anew: there is no whole snapshot in %s", self._folder)
-            return Kept(None, ())
-        return Kept(None, self._paths(logs, 1))
+            return Recovered(None, ())
+        return Recovered(None, self._paths(logs, 1))
 
     def begin(self) -> None:
         """Open a log of this run behind those that are there."""
@@ -103,7 +103,7 @@ class Keeper:
         else:
             self.whole = self._log.size_bytes < 2 * self._log_bytes
 
-    def turn_over(self, records: Iterable[tuple[int, bytes]]) -> int:
+    def rotate(self, records: Iterable[tuple[int, bytes]]) -> int:
         """Go on in a new log that begins with `records`; the number that the snapshot of this moment has to have.
 
         0: the disk takes none.
@@ -123,7 +123,7 @@ class Keeper:
         return self._number if self.whole else 0
 
     def save(self, number: int, data: bytes) -> bool:
-        """Write the snapshot that a `turn_over` named, and remove what it makes superfluous."""
+        """Write the snapshot that a `rotate` named, and remove what it makes superfluous."""
         if len(data) > SNAPSHOT_BYTES:
             log.error("the watch's snapshot is not written: it has %d bytes of %d", len(data), SNAPSHOT_BYTES)
             return False

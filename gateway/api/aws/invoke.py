@@ -11,11 +11,11 @@ import orjson
 from starlette.responses import Response, StreamingResponse
 
 from gateway.api.aws.frames import EVENT_STREAM, event_frame
-from gateway.functions.catalogue_names import parse_function
-from gateway.functions.errors import NotImplementedHereError, PayloadInvalidError
-from gateway.functions.feature import Functions
-from gateway.functions.invoker import Stream
-from metaros.functions.calls import Outcome
+from gateway.automation.functions.catalogue.names import parse_function
+from gateway.automation.functions.errors import NotImplementedHereError, PayloadInvalidError
+from gateway.automation.functions.invoker import Stream
+from gateway.automation.functions.service import Functions
+from metaros.automation.functions.calls import Outcome
 
 __all__ = ["call_function"]
 

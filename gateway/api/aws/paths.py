@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote
 
-from gateway.api.aws.place import PREFIX
-from gateway.functions.catalogue_shapes import model
+from gateway.api.aws.prefix import PREFIX
+from gateway.automation.functions.catalogue.shapes import model
 
 __all__ = ["CODE_OPERATIONS", "Found", "find_operation"]
 

@@ -1,4 +1,4 @@
-"""Where the Lambda API is."""
+"""The path prefix of the Lambda API."""
 
 from __future__ import annotations
 

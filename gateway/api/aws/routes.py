@@ -10,22 +10,22 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from gateway.api.allow import admit, allow, principal_of, require_all
-from gateway.api.audited import note
+from gateway.api.authorization import authorize, principal_of, require_all_robots, require_permission
 from gateway.api.aws.errors import LinkExpiredError
 from gateway.api.aws.invoke import call_function
-from gateway.api.aws.place import LINKS
+from gateway.api.aws.prefix import LINKS
 from gateway.api.aws.shaped import REASON_KEY
 from gateway.api.aws.signed import SIGNED_KEY, Asked
 from gateway.api.aws.wire import read_members, split_zip
+from gateway.api.middleware.audited import note
 from gateway.api.problem import JsonResponse, NotFoundError
 from gateway.api.services import services_of
+from gateway.automation.functions.catalogue.catalogue import Catalogue
+from gateway.automation.functions.catalogue.shapes import check_input, model
+from gateway.automation.functions.service import Functions
 from gateway.domain.principal import Role
-from gateway.functions.catalogue import Catalogue
-from gateway.functions.catalogue_shapes import check_input, model
-from gateway.functions.feature import Functions
 from gateway.identity.permissions import permission
-from metaros.functions.faults import ThrottledError
+from metaros.automation.functions.errors import ThrottledError
 
 __all__ = ["router"]
 
@@ -35,7 +35,7 @@ HIDDEN = {"ErrorCode": "AccessDeniedException", "Message": "Variables are shown 
 router = APIRouter(include_in_schema=False)  # botocore's model describes it
 
 
-@router.get("/lambda/code/{token}", dependencies=[allow("functions.fetch")])
+@router.get("/lambda/code/{token}", dependencies=[require_permission("functions.fetch")])
 async def fetch_code(request: Request, token: str) -> Response:
     """A zip file, by the link that GetFunction gave."""
     catalogue = _functions(request).catalogue
@@ -46,7 +46,7 @@ async def fetch_code(request: Request, token: str) -> Response:
     return StreamingResponse(_off_loop(pieces), media_type="application/zip", headers={"content-length": str(size)})
 
 
-@router.api_route("/lambda/{path:path}", methods=METHODS, dependencies=[allow("lambda.call")])
+@router.api_route("/lambda/{path:path}", methods=METHODS, dependencies=[require_permission("lambda.call")])
 async def operate(request: Request) -> Response:
     """One operation."""
     asked: Asked = request.scope[SIGNED_KEY]
@@ -54,9 +54,9 @@ async def operate(request: Request) -> Response:
         raise NotFoundError("AWS Lambda has no operation at this path")
     operation, uri = asked.found
     row = Catalogue.operation(operation)
-    admit(request, permission(row.permission))
-    require_all(request, "functions")
-    if asked.told:
+    authorize(request, permission(row.permission))
+    require_all_robots(request, "functions")
+    if asked.in_audit:
         request.state.permission = permission("lambda.call")  # which changes nothing that would be written down
     headers = dict(request.headers.items())
     body: Any = asked.data

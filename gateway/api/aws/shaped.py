@@ -14,9 +14,9 @@ import orjson
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.aws.errors import AwsError, aws_error
-from gateway.api.aws.place import is_lambda
+from gateway.api.aws.prefix import is_lambda
 from gateway.api.problem import PROBLEM_TYPE
-from gateway.functions.catalogue_shapes import model
+from gateway.automation.functions.catalogue.shapes import model
 
 __all__ = ["REASON_KEY", "Shaped"]
 

@@ -16,14 +16,14 @@ from pathlib import Path
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.allow import PRINCIPAL_KEY, REFUSAL_KEY
+from gateway.api.authorization import PRINCIPAL_KEY, REFUSAL_KEY
 from gateway.api.aws.errors import SignatureIncompleteError, UnknownAccessKeyError
 from gateway.api.aws.paths import CODE_OPERATIONS, Found, find_operation
-from gateway.api.aws.place import LINKS, is_lambda
+from gateway.api.aws.prefix import LINKS, is_lambda
 from gateway.api.aws.sigv4 import Signature, check_time, read_signature, verify
-from gateway.api.bodies import InFlight
-from gateway.api.rate import Rates, address_of
-from gateway.domain.buckets import Buckets
+from gateway.api.middleware.bodies import InFlight
+from gateway.api.middleware.rate import Rates, address_of
+from gateway.domain.buckets import TokenBuckets
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, RequestTimeoutError, TooManyRequestsError
 from gateway.identity.accounts import Accounts
@@ -50,7 +50,7 @@ class Asked:
     query: str
     data: bytes = b""
     file: Path | None = None  # a large body
-    told: bool = False  # a call like this one is in the audit log already, a minute ago at most
+    in_audit: bool = False  # a call like this one is in the audit log already, a minute ago at most
 
 
 class Signed:
@@ -68,7 +68,7 @@ class Signed:
         self._limits = limits
         self._in_flight = InFlight(limits)
         self._uploads = 0
-        self._calls = Buckets(per_s=1 / TOLD_S, burst=1.0)
+        self._calls = TokenBuckets(per_s=1 / TOLD_S, burst=1.0)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Find out, then pass on."""
@@ -105,10 +105,10 @@ class Signed:
         except MetarosError:
             self._rates.count("refused", address)
             raise
-        asked.told = self._is_told(known[0], asked.found)
+        asked.in_audit = self._is_in_audit(known[0], asked.found)
         return known[0], asked
 
-    def _is_told(self, principal: Principal, found: Found | None) -> bool:
+    def _is_in_audit(self, principal: Principal, found: Found | None) -> bool:
         """Thousands of calls a second are one row a minute: each of them is in the record of calls."""
         if found is None or found.operation not in CALLS:
             return False
@@ -123,8 +123,8 @@ class Signed:
 class _Reading:
     """One request's body, counted and hashed as it comes; what is left of it goes at the end."""
 
-    def __init__(self, desk: Signed, scope: Scope, receive: Receive) -> None:
-        self._desk = desk
+    def __init__(self, middleware: Signed, scope: Scope, receive: Receive) -> None:
+        self._middleware = middleware
         self._scope = scope
         self._receive = receive
         self._address = address_of(scope)
@@ -137,7 +137,7 @@ class _Reading:
         return self
 
     async def __aexit__(self, *_exc: object) -> None:
-        self._desk._in_flight.remove(self._address, self._counted)
+        self._middleware._in_flight.remove(self._address, self._counted)
         await self._stack.aclose()
 
     @property
@@ -158,7 +158,7 @@ class _Reading:
         except UnicodeDecodeError as error:
             raise SignatureIncompleteError("an address is ASCII: encode what is not") from error
         asked = Asked(find_operation(scope["method"], path, query), query)
-        limits = self._desk._limits
+        limits = self._middleware._limits
         large = asked.found is not None and asked.found.operation in CODE_OPERATIONS
         called = asked.found is not None and asked.found.operation in CALLS
         small = limits.function_payload_bytes if called else DOCUMENT_BYTES
@@ -184,7 +184,7 @@ class _Reading:
             size += len(piece)
             if size > limit:
                 raise BodyTooLargeError(f"Request must be smaller than {limit} bytes for this operation")
-            self._desk._in_flight.add(self._address, len(piece))
+            self._middleware._in_flight.add(self._address, len(piece))
             self._counted += len(piece)
             pieces.append(piece)
             if not more:
@@ -197,12 +197,12 @@ class _Reading:
         return data
 
     async def _to_file(self, asked: Asked, limit: int) -> None:
-        desk = self._desk
-        if desk._uploads >= desk._limits.function_uploads:
+        middleware = self._middleware
+        if middleware._uploads >= middleware._limits.function_uploads:
             raise TooManyRequestsError("too many requests with code are on their way", retry_after_s=BUSY_S)
-        desk._uploads += 1
+        middleware._uploads += 1
         self._stack.callback(self._uploaded)
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(dir=desk._folder, prefix="lambda-")))
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(dir=middleware._folder, prefix="lambda-")))
         path, size, more = folder / "body", 0, True
         with path.open("wb", buffering=SPOOLED_BYTES) as file:
             while more:
@@ -215,10 +215,10 @@ class _Reading:
         asked.file = path if size else None
 
     def _uploaded(self) -> None:
-        self._desk._uploads -= 1
+        self._middleware._uploads -= 1
 
     async def _piece(self) -> tuple[bytes, bool]:
-        limits = self._desk._limits
+        limits = self._middleware._limits
         try:
             async with asyncio.timeout(limits.body_idle_s):
                 message = await self._receive()

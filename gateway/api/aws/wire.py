@@ -14,8 +14,8 @@ from urllib.parse import parse_qs
 
 import orjson
 
-from gateway.functions.catalogue_shapes import model
-from gateway.functions.errors import FunctionInvalidError, PayloadInvalidError
+from gateway.automation.functions.catalogue.shapes import model
+from gateway.automation.functions.errors import FunctionInvalidError, PayloadInvalidError
 
 __all__ = ["read_members", "split_zip"]
 

@@ -8,10 +8,10 @@ import orjson
 
 from gateway.api.foxglove.binary import ServiceCall, service_response
 from gateway.api.foxglove.texts import ENCODINGS, ServiceView, service_failure
-from gateway.api.visitor import Visitor
-from gateway.domain.world_names import WorldNames
+from gateway.api.robot_access import RobotAccess
+from gateway.domain.client_names import ClientNames
 from gateway.errors import InvalidRequestError
-from gateway.fleet.graph import RobotGraph
+from gateway.fleet.ros.graph import RobotGraph
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -26,7 +26,7 @@ class KnownServices:
     def __init__(self) -> None:
         self._read: dict[str, tuple[RobotGraph, list[Known]]] = {}
 
-    def of(self, graphs: Iterable[RobotGraph], names: WorldNames) -> list[Known]:
+    def of(self, graphs: Iterable[RobotGraph], names: ClientNames) -> list[Known]:
         """(shown name, type, request's schema, response's) of each service whose type the gateway knows."""
         before, self._read = self._read, {}
         found: list[Known] = []
@@ -40,7 +40,7 @@ class KnownServices:
         return found
 
 
-def _known_services(graph: RobotGraph, names: WorldNames) -> list[Known]:
+def _known_services(graph: RobotGraph, names: ClientNames) -> list[Known]:
     found = []
     for name, info in graph.services.items():
         if not info.servers:
@@ -52,7 +52,9 @@ def _known_services(graph: RobotGraph, names: WorldNames) -> list[Known]:
     return found
 
 
-async def answer_call(visitor: Visitor, view: ServiceView | None, call: ServiceCall, *, lease_id: str) -> bytes | str:
+async def answer_call(
+    access: RobotAccess, view: ServiceView | None, call: ServiceCall, *, lease_id: str
+) -> bytes | str:
     """What to send back: a binary answer, or the text of a failure. Raises nothing of ours."""
     try:
         if view is None:
@@ -61,11 +63,11 @@ async def answer_call(visitor: Visitor, view: ServiceView | None, call: ServiceC
             raise InvalidRequestError(f"encoding {call.encoding[:20]!r}: calls are {' or '.join(ENCODINGS)}")
         timeout_s = LIMITS.command_timeout_s
         if call.encoding == "cdr":
-            answer: bytes = await visitor.call(
+            answer: bytes = await access.call(
                 view.name, type_name=view.type_name, cdr=call.payload, raw=True, timeout_s=timeout_s, lease_id=lease_id
             )
         else:
-            values = await visitor.call(
+            values = await access.call(
                 view.name,
                 type_name=view.type_name,
                 request=_request(call.payload),

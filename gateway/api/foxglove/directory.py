@@ -1,4 +1,4 @@
-"""What a client was told that there is: channels and services under numbers, and what changed since. Pure.
+"""The channels and services that were advertised to a client, by number, and what changed since. Pure.
 
 A number is never given to anything else on a connection. Where two robots' names become one, or one topic has two
 types, the first stays: viewers take one channel a topic.

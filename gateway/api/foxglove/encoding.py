@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gateway.api.foxglove.binary import message_head
-from gateway.api.ws.pipe import BINARY, frame
+from gateway.api.ws.send_queue import BINARY, frame
 from gateway.live.encoding import Block, View
 
 __all__ = ["MessageData"]

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gateway.api.foxglove.texts import GraphView
-from gateway.domain.world_names import WorldNames
-from gateway.fleet.graph import Endpoint, RobotGraph
+from gateway.domain.client_names import ClientNames
+from gateway.fleet.ros.graph import Endpoint, RobotGraph
 
 __all__ = ["graph_view"]
 
 OUTSIDE = "(outside)"  # a node that is none of the robot's own
 
 
-def graph_view(graphs: Iterable[RobotGraph], names: WorldNames) -> GraphView:
+def graph_view(graphs: Iterable[RobotGraph], names: ClientNames) -> GraphView:
     """All those robots' graphs as one."""
     published: dict[str, list[str]] = {}
     subscribed: dict[str, list[str]] = {}
@@ -27,7 +27,7 @@ def graph_view(graphs: Iterable[RobotGraph], names: WorldNames) -> GraphView:
     return GraphView(published, subscribed, services)
 
 
-def _add(found: dict[str, list[str]], robot: str, name: str, endpoints: Iterable[Endpoint], names: WorldNames) -> None:
+def _add(found: dict[str, list[str]], robot: str, name: str, endpoints: Iterable[Endpoint], names: ClientNames) -> None:
     nodes = {names.shown(robot, end.node) if end.node else OUTSIDE for end in endpoints}
     if nodes:
         shown = names.shown(robot, name)

@@ -18,13 +18,13 @@ from typing import Protocol
 from gateway.api.foxglove.binary import PlaybackControl, message_head, playback_state, time_message
 from gateway.domain.channel import Channel
 from gateway.errors import StoreError
-from gateway.history.instant import Instant
 from gateway.history.messages import Message
 from gateway.history.pages import Page, PageRequest
+from gateway.history.snapshot import Snapshot
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 
-__all__ = ["PLAYING", "Player", "PlayerSide", "clamped_speed"]
+__all__ = ["PLAYING", "Player", "PlayerContext", "clamped_speed"]
 
 PLAYING, PAUSED, BUFFERING = 0, 1, 2
 SECOND_NS = 10**9
@@ -38,12 +38,12 @@ Wanted = Mapping[tuple[str, str], tuple[int, Channel]]  # (robot, topic) -> subs
 
 
 class History(Protocol):
-    """What is needed of the history desk."""
+    """What the player needs of the history."""
 
     async def read(self, request: PageRequest, /) -> Page:
         """A page of messages."""
 
-    async def at(self, robot_id: str, topics: list[str], *, t_ns: int, max_age_ns: int) -> Instant:
+    async def at(self, robot_id: str, topics: list[str], *, t_ns: int, max_age_ns: int) -> Snapshot:
         """The newest message of each topic at a time."""
 
 
@@ -53,12 +53,12 @@ class Out(Protocol):
     def binary(self, message: bytes, /) -> None:
         """One binary message."""
 
-    async def room(self) -> None:
+    async def drain(self) -> None:
         """Until there is room for more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlayerSide:
+class PlayerContext:
     """What the player needs of its connection."""
 
     history: History
@@ -66,15 +66,15 @@ class PlayerSide:
     clock: Clock
     wanted: Callable[[], Wanted]  # what the client subscribes to now
     set_live: Callable[[bool], None]  # take part in live samples, or no more
-    tell: Callable[[str], None]  # a note to the user; "": the one before does not hold any more
+    notify: Callable[[str], None]  # a note to the user; "": the one before does not hold any more
 
 
 class Player:
     """Of one connection. `control` and `changed` on the event loop; `run` beside them until it is cancelled."""
 
-    def __init__(self, side: PlayerSide, *, start_ns: int) -> None:
+    def __init__(self, context: PlayerContext, *, start_ns: int) -> None:
         """`start_ns`: from when on there is history."""
-        self._side = side
+        self._context = context
         self._start_ns = start_ns
         self.live = True
         self._playing = True
@@ -85,7 +85,7 @@ class Player:
 
     def control(self, asked: PlaybackControl) -> None:
         """The client pauses, plays, seeks, or goes at another speed."""
-        wall_ns = self._side.clock.wall_ns()
+        wall_ns = self._context.clock.wall_ns()
         now_ns = wall_ns if self.live else self._now_ns
         target_ns = now_ns if asked.seek_ns is None else max(self._start_ns, asked.seek_ns)
         self._playing, self._speed = asked.play, clamped_speed(asked.speed)
@@ -96,7 +96,7 @@ class Player:
             self._shown = not self.live and asked.seek_ns is None
             if self.live:
                 self.live = False
-                self._side.set_live(False)
+                self._context.set_live(False)
         self._turn.set()
         self._say(did_seek=asked.seek_ns is not None, request_id=asked.request_id)
 
@@ -107,7 +107,7 @@ class Player:
 
     def time_ns(self) -> int:
         """What time it is for the client."""
-        return self._side.clock.wall_ns() if self.live else self._now_ns
+        return self._context.clock.wall_ns() if self.live else self._now_ns
 
     async def run(self) -> None:
         """Play, for ever."""
@@ -124,39 +124,39 @@ class Player:
                 else:
                     await self._turn.wait()
             except MetarosError as error:
-                self._side.tell(f"history cannot be played now: {error}")
+                self._context.notify(f"history cannot be played now: {error}")
                 self._playing = False
                 self._say()
                 await self._turn.wait()
-                self._side.tell("")
+                self._context.notify("")
 
     async def _show(self) -> None:
         """The newest message of each topic at that time."""
         self._shown = True
-        wanted, t_ns = self._side.wanted(), self._now_ns
+        wanted, t_ns = self._context.wanted(), self._now_ns
         for robot, topics in _by_robot(wanted).items():
-            instant = await self._side.history.at(robot, topics, t_ns=t_ns, max_age_ns=SHOWN_AGE_NS)
+            instant = await self._context.history.at(robot, topics, t_ns=t_ns, max_age_ns=SHOWN_AGE_NS)
             for message in sorted(instant.messages, key=lambda item: item.stamp_ns):
                 if self._turn.is_set():
                     return
                 self._send(message, wanted)
-                await self._side.out.room()
-        self._side.out.binary(time_message(t_ns))
+                await self._context.out.drain()
+        self._context.out.binary(time_message(t_ns))
 
     async def _play(self) -> None:
         """From where it is until something changes, or it is live."""
-        wanted, clock = self._side.wanted(), self._side.clock
-        began_s, began_ns, told_s = clock.monotonic_s(), self._now_ns, -math.inf
+        wanted, clock = self._context.wanted(), self._context.clock
+        began_s, began_ns, reported_s = clock.monotonic_s(), self._now_ns, -math.inf
 
         def pace_ns() -> int:
             return began_ns + round((clock.monotonic_s() - began_s) * self._speed * SECOND_NS)
 
         def pass_time(to_ns: int) -> None:
-            nonlocal told_s
+            nonlocal reported_s
             self._now_ns = max(self._now_ns, to_ns)
-            if clock.monotonic_s() - told_s >= NOTICE_S:
-                told_s = clock.monotonic_s()
-                self._side.out.binary(time_message(self._now_ns))
+            if clock.monotonic_s() - reported_s >= NOTICE_S:
+                reported_s = clock.monotonic_s()
+                self._context.out.binary(time_message(self._now_ns))
 
         end_ns = clock.wall_ns()
         sent = 0
@@ -165,7 +165,7 @@ class Player:
                 pass_time(pace_ns())
                 if await self._pause(min(NOTICE_S, wait_ns / SECOND_NS / self._speed)):
                     return
-            await self._side.out.room()
+            await self._context.out.drain()
             if (sent := sent + 1) % TOGETHER == 0:
                 await asyncio.sleep(0)
             if self._turn.is_set():
@@ -219,7 +219,7 @@ class Player:
                 limit=PAGE_MESSAGES,
                 after=after,
             )
-            page = await self._side.history.read(asked)
+            page = await self._context.history.read(asked)
             for message in page.messages:
                 yield message
             if page.next is None:
@@ -233,18 +233,18 @@ class Player:
         found = wanted.get((message.channel.robot, message.channel.topic))
         if found is None or _form(found[1]) != _form(message.channel):
             return
-        self._side.out.binary(message_head(found[0], message.stamp_ns) + message.payload)
+        self._context.out.binary(message_head(found[0], message.stamp_ns) + message.payload)
 
     def _go_live(self) -> None:
         self._playing, self._speed = True, 1.0
         if not self.live:
             self.live = True
-            self._side.set_live(True)
+            self._context.set_live(True)
 
     def _say(self, *, did_seek: bool = False, request_id: str = "") -> None:
         status = PLAYING if self._playing else PAUSED
         state = playback_state(status, self.time_ns(), self._speed, did_seek=did_seek, request_id=request_id)
-        self._side.out.binary(state)
+        self._context.out.binary(state)
 
 
 def clamped_speed(speed: float) -> float:

@@ -12,8 +12,8 @@ from gateway.api.foxglove.binary import ClientData
 from gateway.api.foxglove.requests import Advertise, ClientChannel, Unadvertise
 from gateway.api.foxglove.texts import ENCODINGS
 from gateway.api.problem import error_code
-from gateway.api.rosbridge.driving import Wheel
-from gateway.api.visitor import Visitor
+from gateway.api.robot_access import RobotAccess
+from gateway.api.rosbridge.driving import DriveLeases
 from gateway.errors import InvalidRequestError
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -21,23 +21,29 @@ from metaros.limits import LIMITS
 __all__ = ["Publishing"]
 
 Start = Callable[[Coroutine[Any, Any, None]], bool]  # begin a task of the connection; False: too many are under way
-Tell = Callable[[str, str], None]  # (what it is about, why it did not go)
+Notify = Callable[[str, str], None]  # (what it is about, why it did not go)
 
 
 class Publishing:
-    """The client's channels. Publishing itself is the visitor's: permission, scope, rate, lease and audit are there."""
+    """The client's channels. Publishing itself is RobotAccess's: permission, scope, rate, lease and audit are there."""
 
     def __init__(
-        self, visitor: Visitor, start: Start, tell: Tell, *, lease_id: str = "", wheel: Wheel | None = None
+        self,
+        access: RobotAccess,
+        start: Start,
+        notify: Notify,
+        *,
+        lease_id: str = "",
+        drive_leases: DriveLeases | None = None,
     ) -> None:
-        """`lease_id` is the teleop lease that the client has, and `wheel` takes one where it said that it drives, both
-        from its URL; without either, actuators are out of reach.
+        """`lease_id` is the teleop lease that the client has, and `drive_leases` takes one where it said that it
+        drives, both from its URL; without either, actuators are out of reach.
         """
-        self._visitor = visitor
-        self._wheel = wheel
+        self._access = access
+        self._drive_leases = drive_leases
         self._taking = asyncio.Lock()
         self._start = start
-        self._tell = tell
+        self._notify = notify
         self._lease_id = lease_id
         self._channels: dict[int, ClientChannel] = {}
 
@@ -68,40 +74,40 @@ class Publishing:
         if channel is None:
             raise InvalidRequestError(f"Unknown channel ID: {number}")
         if all(other.topic != channel.topic for other in self._channels.values()):
-            self._visitor.unadvertise(channel.topic)
+            self._access.unadvertise(channel.topic)
 
     def publish(self, data: ClientData) -> None:
         """One message; what robots do not take fast enough is told and dropped."""
         channel = self._channels.get(data.channel_id)
         if channel is None:
             raise InvalidRequestError(f"Unknown channel ID: {data.channel_id}")
-        if not self._start(self._send(channel, data.payload, self._visitor.services.clock.wall_ns())):
-            self._tell(channel.topic, "messages come faster than the robot takes them: some are dropped")
+        if not self._start(self._send(channel, data.payload, self._access.services.clock.wall_ns())):
+            self._notify(channel.topic, "messages come faster than the robot takes them: some are dropped")
 
     async def _begin(self, channel: ClientChannel) -> None:
         try:
-            await self._visitor.advertise(channel.topic, type_name=channel.schema_name)
+            await self._access.advertise(channel.topic, type_name=channel.schema_name)
         except MetarosError as error:
-            self._tell(channel.topic, f"{error} ({error_code(error)})")
+            self._notify(channel.topic, f"{error} ({error_code(error)})")
 
     async def close(self) -> None:
         """The client is gone: what it drives stops."""
-        if self._wheel is not None:
-            await self._wheel.close()
+        if self._drive_leases is not None:
+            await self._drive_leases.close()
 
     async def _lease(self, topic: str) -> str:
-        place, _ = self._visitor.find_topic(topic)
-        if self._lease_id or self._wheel is None:
+        resolved, _ = self._access.find_topic(topic)
+        if self._lease_id or self._drive_leases is None:
             return self._lease_id
-        if not self._visitor.services.fleet.is_actuator(place.robot, place.name):
+        if not self._access.services.fleet.is_actuator(resolved.robot, resolved.name):
             return ""
         async with self._taking:
-            return await self._wheel.lease_of(place.robot)
+            return await self._drive_leases.lease_of(resolved.robot)
 
     async def _send(self, channel: ClientChannel, payload: bytes, came_ns: int) -> None:
         try:
             values: dict[str, Any] = {"cdr": payload} if channel.encoding == "cdr" else {"message": _json(payload)}
-            await self._visitor.publish(
+            await self._access.publish(
                 channel.topic,
                 type_name=channel.schema_name,
                 lease_id=await self._lease(channel.topic),
@@ -109,7 +115,7 @@ class Publishing:
                 **values,
             )
         except MetarosError as error:
-            self._tell(channel.topic, f"{error} ({error_code(error)})")
+            self._notify(channel.topic, f"{error} ({error_code(error)})")
 
 
 def _json(payload: bytes) -> Any:

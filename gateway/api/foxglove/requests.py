@@ -96,7 +96,7 @@ class SetParameters:
 
 @dataclass(frozen=True, slots=True)
 class WatchParameters:
-    """Tell (or no more) when these change; no names: all of them."""
+    """Send updates (or no more) when these change; no names: all of them."""
 
     names: tuple[str, ...]
     on: bool
@@ -104,7 +104,7 @@ class WatchParameters:
 
 @dataclass(frozen=True, slots=True)
 class WatchGraph:
-    """Tell (or no more) who publishes, subscribes and serves what."""
+    """Send updates (or no more) of who publishes, subscribes and serves what."""
 
     on: bool
 

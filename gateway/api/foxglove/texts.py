@@ -1,4 +1,4 @@
-"""What the server tells a Foxglove client in JSON: one function an `op`. Pure."""
+"""What the server sends a Foxglove client in JSON: one function an `op`. Pure."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gateway.api.foxglove.requests import Parameter
-from gateway.api.visitor import Visitor
+from gateway.api.robot_access import RobotAccess
 from gateway.errors import InvalidRequestError
 from metaros.errors import MetarosError
 
@@ -23,15 +23,15 @@ _LIST = "/list_parameters"
 class Values:
     """Reads and sets parameters for one client."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
+    def __init__(self, access: RobotAccess) -> None:
+        self._access = access
 
     def nodes(self) -> list[str]:
         """The shown names of nodes that have parameters, as far as their robots told; of online robots only."""
-        online = {record.robot.id for record in self._visitor.robots() if record.online}
+        online = {record.robot.id for record in self._access.robots() if record.online}
         return [
-            self._visitor.names.shown(graph.robot, name.removesuffix(_LIST))
-            for graph in self._visitor.graphs()
+            self._access.names.shown(graph.robot, name.removesuffix(_LIST))
+            for graph in self._access.graphs()
             if graph.robot in online
             for name, info in graph.services.items()
             if name.endswith(_LIST) and info.servers
@@ -50,8 +50,8 @@ class Values:
             nodes, wanted = self.nodes(), set()
         if len(nodes) > NODES:
             raise InvalidRequestError(f"{len(nodes)} nodes have parameters, at most {NODES} are asked: choose a robot")
-        gate = asyncio.Semaphore(AT_ONCE)
-        found = await asyncio.gather(*(self._of_node(node, gate) for node in nodes))
+        limit = asyncio.Semaphore(AT_ONCE)
+        found = await asyncio.gather(*(self._of_node(node, limit) for node in nodes))
         return [item for some in found for item in some if not wanted or item.name in wanted]
 
     async def write(self, parameters: Iterable[Parameter]) -> list[str]:
@@ -66,17 +66,17 @@ class Values:
                 faults.append(str(error))
         for node, values in by_node.items():
             try:
-                results = await self._visitor.set_parameters(node, values)
+                results = await self._access.set_parameters(node, values)
             except MetarosError as error:
                 faults.append(f"{node or 'a name without a node'}: {error}")
             else:
                 faults += [f"{node}.{item.name}: {item.reason}" for item in results if not item.successful]
         return faults
 
-    async def _of_node(self, node: str, gate: asyncio.Semaphore) -> list[Parameter]:
-        async with gate:
+    async def _of_node(self, node: str, limit: asyncio.Semaphore) -> list[Parameter]:
+        async with limit:
             try:
-                found = await self._visitor.parameters(node)
+                found = await self._access.parameters(node)
             except MetarosError:
                 return []
         return [shown_value(f"{node}.{item.rules.name}", item.kind, item.value) for item in found]

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, get_args
 from google.protobuf.message import Message
 from pydantic import BaseModel, ValidationError
 
-from gateway.alerts.errors import UnknownAlertError
+from gateway.alerting.alerts.errors import UnknownAlertError
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError
 from gateway.domain.alert import ALERT_STATES, Alert, AlertFilter
@@ -17,7 +17,7 @@ from gateway.domain.principal import Principal
 from gateway.errors import ForbiddenError
 from metaros._proto import alerts_pb2
 
-__all__ = ["filter_of", "given", "read_as", "require_all", "seen_alert", "seer"]
+__all__ = ["filter_of", "given", "read_as", "require_all_robots", "seen_alert", "seer"]
 
 MAX_NAMED, NAME_CHARS, TEXT_CHARS, MAX_STAMP = 64, 128, 200, 2**62
 Model = TypeVar("Model", bound=BaseModel)
@@ -54,7 +54,7 @@ async def seen_alert(call: Call, alert_id: str) -> Alert:
     return found
 
 
-def require_all(call: Call, what: str) -> None:
+def require_all_robots(call: Call, what: str) -> None:
     """ForbiddenError for what reaches every robot, asked by somebody who is not to reach them all."""
     if not call.principal.sees_all:
         raise ForbiddenError(f"{what} are for every robot: they need somebody whose scope is all of them")

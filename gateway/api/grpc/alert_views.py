@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from gateway.alerts.causes import title_of
-from gateway.alerts.links import alert_path
-from gateway.backtest import Fired, Report
+from gateway.alerting.alerts.causes import title_of
+from gateway.alerting.alerts.links import alert_path
+from gateway.alerting.backtest import Fired, Report
+from gateway.alerting.watch.rows import BandPoint, CheckRow, SeriesWatch
 from gateway.domain.alert import Alert, Evidence, Remark, Silence
 from gateway.domain.finding import Finding
-from gateway.watch.rows import BandPoint, CheckRow, SeriesWatch
 from metaros._proto import alerts_pb2
 
 if TYPE_CHECKING:
-    from gateway.alerts.notices.feature import RouteState
+    from gateway.alerting.alerts.notices.service import RouteState
 
 __all__ = [
     "alert_message",

@@ -1,4 +1,4 @@
-"""AlertService: what is wrong, and what people do about it, as in REST; every call has passed the gate."""
+"""AlertService: what is wrong, and what people do about it, as in REST; every call is authorized."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from typing import Any
 
 import orjson
 
-from gateway.alerts.errors import UnknownAlertError, UnknownSilenceError
-from gateway.api import models_alerts, models_watch
+from gateway.alerting.alerts.errors import UnknownAlertError, UnknownSilenceError
+from gateway.alerting.backtest import BacktestRequest
 from gateway.api.grpc import alert_views as views
-from gateway.api.grpc.alert_fields import filter_of, given, read_as, require_all, seen_alert, seer
-from gateway.api.grpc.attended import ENDING, EndingError, attended
+from gateway.api.grpc.alert_fields import filter_of, given, read_as, require_all_robots, seen_alert, seer
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError, document
+from gateway.api.grpc.stream_authorization import ENDING, DrainingError, while_authorized
+from gateway.api.models import alerts as models_alerts
+from gateway.api.models import watch
 from gateway.api.rest.ranges import parse_range
-from gateway.api.silence_reach import check_reach, reaches, sees_silence
-from gateway.api.views_alerts import counts_view
-from gateway.backtest import BacktestRequest
+from gateway.api.silence_scope import check_silence_scope, covers, sees_silence
+from gateway.api.views.alerts import counts_view
 from gateway.domain.alert import Alert, AlertFilter, AlertState
-from gateway.domain.event import EventFilter
+from gateway.domain.automation.event import EventFilter
 from gateway.errors import UnknownRecordingError
 from metaros._proto import alerts_pb2
 
@@ -68,7 +69,7 @@ class AlertService:
         leave = services.events.enter(f"{call.principal.kind}:{call.principal.id}")
         try:
             start, told = await services.events.newest(), dict[str, int]()
-            async with attended(call):
+            async with while_authorized(call):
                 async for alert in _unresolved(call, wanted):
                     told[alert.id] = alert.revision
                     yield alerts_pb2.WatchAlertsReply(change="is", alert=views.alert_message(alert))
@@ -79,7 +80,7 @@ class AlertService:
                             said = orjson.loads(event.data)
                             if _is_news(said, told) and (reply := await _change(call, said, wanted)) is not None:
                                 yield reply
-            raise EndingError(ENDING)  # nothing else ends the journal
+            raise DrainingError(ENDING)  # nothing else ends the journal
         finally:
             leave()
 
@@ -153,13 +154,13 @@ class AlertService:
 
     async def EndSilence(self, request: alerts_pb2.EndSilenceRequest, call: Call) -> Any:
         """End it now."""
-        desk = call.services.alerts
-        found = await desk.get_silence(request.silence)
+        manager = call.services.alerts
+        found = await manager.get_silence(request.silence)
         if not sees_silence(call.principal, found):
             raise UnknownSilenceError.of(request.silence)
-        check_reach(call.principal, found.robots)
+        check_silence_scope(call.principal, found.robots)
         call.detail = found.id
-        return views.silence_message(await desk.end_silence(found.id, by=call.principal.name))
+        return views.silence_message(await manager.end_silence(found.id, by=call.principal.name))
 
     async def ListChecks(self, request: alerts_pb2.ListChecksRequest, call: Call) -> Any:
         """Every check as it is now."""
@@ -167,18 +168,18 @@ class AlertService:
 
     async def SetCheck(self, request: alerts_pb2.SetCheckRequest, call: Call) -> Any:
         """Have a check be another for every robot."""
-        require_all(call, "checks")
+        require_all_robots(call, "checks")
         changes = {name: None if value != value else value for name, value in given(request, CHANGES).items()}
         if not changes:
             raise FieldFaultError("enabled", f"say what is to change: one of {', '.join(CHANGES)}")
-        body = read_as(models_watch.AlertCheckChange, **changes).said()
+        body = read_as(watch.AlertCheckChange, **changes).said()
         row = await call.services.watch.set_check(request.check, body, by=call.principal.name)
         call.detail = f"{row.id}: {', '.join(f'{name} {value}' for name, value in body.items())}"
         return views.check_message(row)
 
     async def ResetCheck(self, request: alerts_pb2.ResetCheckRequest, call: Call) -> Any:
         """Have a check be as it comes."""
-        require_all(call, "checks")
+        require_all_robots(call, "checks")
         row = await call.services.watch.reset_check(request.check, by=call.principal.name)
         call.detail = f"{row.id}: as it comes"
         return views.check_message(row)
@@ -186,12 +187,12 @@ class AlertService:
     async def ListRoutes(self, request: alerts_pb2.ListRoutesRequest, call: Call) -> Any:
         """The routes that name no robot out of scope."""
         found = call.services.notices.routes()
-        seen = [one for one in found if not one.robots or reaches(call.principal, one.robots)]
+        seen = [one for one in found if not one.robots or covers(call.principal, one.robots)]
         return alerts_pb2.ListRoutesResponse(routes=[views.route_message(one) for one in seen])
 
     async def TestRoute(self, request: alerts_pb2.TestRouteRequest, call: Call) -> Any:
         """Send a notice that says that it is a test, and wait for what becomes of it."""
-        require_all(call, "routes of notices")
+        require_all_robots(call, "routes of notices")
         done = await call.services.notices.test(request.route, by=call.principal.name)
         call.detail = f"{request.route[:64]}: {'delivered' if done.ok else 'failed'}"
         status = str(done.status or "")
@@ -219,7 +220,7 @@ class AlertService:
         call.require(request.robot)
         services.registry.get(request.robot)
         body = read_as(
-            models_watch.BacktestRequest,
+            watch.BacktestRequest,
             robot=request.robot,
             series=list(request.series),
             checks=document(request.checks_json, "checks_json"),
@@ -256,7 +257,7 @@ async def _said(
 
 
 async def _silence(call: Call, wanted: models_alerts.SilenceRequest) -> alerts_pb2.AlertSilence:
-    check_reach(call.principal, wanted.robots)
+    check_silence_scope(call.principal, wanted.robots)
     made = await call.services.alerts.add_silence(
         robots=tuple(wanted.robots),
         causes=tuple(wanted.causes),

@@ -1,7 +1,7 @@
-"""The one gate of every call: who asks, whether the table lets them, how often, and the row in the audit log.
+"""Authorization of every call: who asks, whether the table lets them, how often, and the row in the audit log.
 
-The same table, door, rates and log as REST has, in the same order. A robot's certificate opens nothing here: it says
-which machine is connected, and people are known by their keys.
+The same table, authenticator, rates and log as REST has, in the same order. A robot's certificate opens nothing here:
+it says which machine is connected, and people are known by their keys.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 
 import grpc
 
-from gateway.api.allow import RPCS
-from gateway.api.authenticate import Credential, identify
+from gateway.api.authorization import RPC_PERMISSIONS
 from gateway.api.grpc.errors import refuse
+from gateway.api.middleware.authenticate import Credential, identify
 from gateway.api.problem import error_code
 from gateway.api.services import Services
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
@@ -31,10 +31,10 @@ from gateway.errors import (
 )
 from gateway.identity.permissions import Permission, permission
 from gateway.ingest.link_service import address_of_peer, forwarded, is_local_peer
-from gateway.ops.logs import tell_of
+from gateway.ops.logs import add_log_context
 from metaros.errors import MetarosError
 
-__all__ = ["Call", "Gate"]
+__all__ = ["Call", "CallAuthorizer"]
 
 log = logging.getLogger(__name__)
 
@@ -62,16 +62,16 @@ class Call:
         if self.row.mutates:
             self.services.rates.take("robot", robot_id)
 
-    async def still(self) -> None:
+    async def recheck(self) -> None:
         """CredentialsError when who asked may not be here any more; of long streams."""
         if self.credential is None:
             return
-        now = await identify(self.services.door, self.credential)
+        now = await identify(self.services.authenticator, self.credential)
         if now is None or now.role != self.principal.role or now.robots != self.principal.robots:
             raise CredentialsError("who asked may not have it any more")
 
 
-class Gate:
+class CallAuthorizer:
     """Lets calls in; `services` is asked when the first one comes, as the server is made before the API."""
 
     def __init__(self, services: Callable[[], Services]) -> None:
@@ -79,10 +79,10 @@ class Gate:
 
     @asynccontextmanager
     async def call(self, method: str, context: Context) -> AsyncIterator[Call]:
-        """One call of a method of `RPCS`; whatever goes wrong inside becomes its status."""
-        services, row = self._services(), permission(RPCS[method])
+        """One call of a method of `RPC_PERMISSIONS`; whatever goes wrong inside becomes its status."""
+        services, row = self._services(), permission(RPC_PERMISSIONS[method])
         call, began_s, number = Call(NOBODY, row, None, services), services.clock.monotonic_s(), token_hex(8)
-        tell_of(lambda: {"request_id": number, "principal": _name(call.principal), "robot": call.robot})
+        add_log_context(lambda: {"request_id": number, "principal": _name(call.principal), "robot": call.robot})
         try:
             if row.mutates:
                 services.audit.check_room()
@@ -100,7 +100,7 @@ class Gate:
         else:
             await self._ended(method, call, context, None)
         finally:
-            services.operations.meters.rpc(method, call.status, seconds=services.clock.monotonic_s() - began_s)
+            services.meters.rpc(method, call.status, seconds=services.clock.monotonic_s() - began_s)
 
     async def _admit(self, call: Call, context: Context) -> None:
         services, address = call.services, address_of_peer(context.peer())
@@ -115,7 +115,7 @@ class Gate:
             services.rates.take("anonymous", address)
         else:
             services.rates.check("refused", address)
-            found = await identify(services.door, call.credential)
+            found = await identify(services.authenticator, call.credential)
             if found is None:
                 services.rates.count("refused", address)
                 raise CredentialsError("this key is not good: wrong, expired or revoked")

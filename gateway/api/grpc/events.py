@@ -1,4 +1,4 @@
-"""EventService: what happened in the fleet, from the journal that REST reads; every call has passed the gate."""
+"""EventService: what happened in the fleet, from the journal that REST reads; every call is authorized."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import AsyncIterator
 from contextlib import aclosing
 from typing import Any
 
-from gateway.api.grpc.attended import ENDING, EndingError, attended
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError
-from gateway.domain.event import Event, EventFilter
-from gateway.events.cloud import TYPE_PREFIX
+from gateway.api.grpc.stream_authorization import ENDING, DrainingError, while_authorized
+from gateway.automation.events.cloud import TYPE_PREFIX
+from gateway.domain.automation.event import Event, EventFilter
 from metaros._proto import events_pb2
 
 __all__ = ["EventService"]
@@ -41,11 +41,11 @@ class EventService:
         try:
             start = await journal.newest() if start is None else start
             yield events_pb2.WatchEventsReply(next=start)
-            async with attended(call), aclosing(journal.watch(after=start, wanted=wanted)) as pages:
+            async with while_authorized(call), aclosing(journal.watch(after=start, wanted=wanted)) as pages:
                 async for page in pages:
                     events = [event_view(event) for event in page.events]
                     yield events_pb2.WatchEventsReply(events=events, next=page.next, lost=page.lost)
-            raise EndingError(ENDING)  # nothing else ends the journal
+            raise DrainingError(ENDING)  # nothing else ends the journal
         finally:
             leave()
 

@@ -1,4 +1,4 @@
-"""FleetService: what REST does, for programs; every call has passed the gate, see serving.py."""
+"""FleetService: what REST does, for programs; every call is authorized, see serving.py."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Any
 
-from gateway.api.grpc.attended import attended
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import document, speed, stamp
-from gateway.api.rest.orders import check_kind, seen_command
-from gateway.domain.command import Command
-from gateway.domain.lease import Lease
-from gateway.fleet.lease_desk import Drive
-from gateway.fleet.orders import Order
+from gateway.api.grpc.stream_authorization import while_authorized
+from gateway.api.rest.fleet.orders import check_kind, seen_command
+from gateway.domain.fleet.command import Command
+from gateway.domain.fleet.lease import Lease
+from gateway.fleet.command_manager import NewCommand
+from gateway.fleet.lease_manager import HeldLease
 from gateway.ingest.registry import RobotRecord
 from metaros._proto import fleet_pb2
 from metaros.limits import LIMITS
@@ -38,7 +38,7 @@ class FleetService:
         """As POST /api/v1/robots/ROBOT/commands."""
         call.require(request.robot)
         check_kind(request.kind, call.principal)
-        order = Order(
+        order = NewCommand(
             robot=request.robot,
             kind=request.kind,
             request=document(request.request_json, "request_json"),
@@ -48,10 +48,10 @@ class FleetService:
             idempotency=request.idempotency_key or None,
             sent_ns=stamp(request.sent_ns),
         )
-        command = await call.services.orders.send(order, call.principal)
+        command = await call.services.command_manager.send(order, call.principal)
         call.detail = f"{command.id} {command.kind} {command.state}"
         if request.wait_s > 0 and not command.over:
-            command = await call.services.orders.wait(command.id, request.wait_s)
+            command = await call.services.command_manager.wait(command.id, request.wait_s)
         return command_view(command)
 
     async def GetCommand(self, request: fleet_pb2.GetCommandRequest, call: Call) -> Any:
@@ -61,8 +61,8 @@ class FleetService:
     async def WatchCommand(self, request: fleet_pb2.GetCommandRequest, call: Call) -> AsyncIterator[Any]:
         """The command as it is, then at each change, until it is over."""
         await seen_command(call.services, call.principal, request.command)
-        async with attended(call):
-            async for command in call.services.orders.watch(request.command):
+        async with while_authorized(call):
+            async for command in call.services.command_manager.watch(request.command):
                 yield command_view(command)
 
     async def AcquireLease(self, request: fleet_pb2.AcquireLeaseRequest, call: Call) -> Any:
@@ -85,8 +85,8 @@ class FleetService:
 
     async def Drive(self, requests: AsyncIterator[fleet_pb2.DriveRequest], call: Call) -> AsyncIterator[Any]:
         """Drive while messages come; whatever the end, the robot is stopped and the lease given back."""
-        async with attended(call):
-            drive: Drive | None = None
+        async with while_authorized(call):
+            drive: HeldLease | None = None
             me = object()  # a bucket of its own
             try:
                 async for request in requests:

@@ -6,7 +6,7 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 
 from gateway.api.grpc.fields import text_of
-from gateway.fleet.goal import Goal
+from gateway.fleet.ros.goal import Goal
 from metaros._proto import telemetry_pb2
 
 __all__ = ["goal_replies"]

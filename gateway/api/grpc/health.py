@@ -35,12 +35,12 @@ class HealthService:
 
     async def Watch(self, request: health_pb2.HealthCheckRequest, call: Call) -> AsyncIterator[Any]:
         """Each change, for `LIMITS.health_watch_s` at most, as nobody has to say who watches; clients begin again."""
-        clock, told = call.services.clock, -1
+        clock, sent_status = call.services.clock, -1
         until_s = clock.monotonic_s() + LIMITS.health_watch_s
         while clock.monotonic_s() < until_s:
             answer = self._answer(request.service, call)
-            if answer.status != told:
-                told = answer.status
+            if answer.status != sent_status:
+                sent_status = answer.status
                 yield answer
             await asyncio.sleep(LOOK_S)
 

@@ -10,10 +10,10 @@ import orjson
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError
 from gateway.api.rest.ranges import chosen_topics, parse_range
-from gateway.decoder import Decoder
 from gateway.domain.channel import Channel
+from gateway.domain.decoder import Decoder
 from gateway.history.cursor import read_cursor
-from gateway.history.losses import Loss, folded
+from gateway.history.losses import Loss, merged_losses
 from gateway.history.messages import Message
 from gateway.history.pages import Page, PageRequest
 from metaros._proto import telemetry_pb2
@@ -89,7 +89,7 @@ class QueryReplies:
                 replies[-1].channels.append(info(message.channel, number))
             replies[-1].samples.append(self._sample(message, number))
         replies[-1].cursor = page.next or ""
-        replies[-1].gaps.extend(gap(loss) for loss in folded(losses))
+        replies[-1].gaps.extend(gap(loss) for loss in merged_losses(losses))
         return replies
 
     def _sample(self, message: Message, number: int) -> telemetry_pb2.Sample:

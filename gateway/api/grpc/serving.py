@@ -1,4 +1,4 @@
-"""The services of the programs' port: the gate looks at a call's metadata before a byte of its message is read.
+"""The services of the programs' port: a call is authorized by its metadata before a byte of its message is read.
 
 gRPC would take in the whole message first, from anybody. So every method is served as one that reads a stream, which
 looks the same on the wire, and who is refused has sent no more than fits into HTTP/2's first window.
@@ -20,7 +20,7 @@ from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
 from gateway.api.grpc.alerts import AlertService
-from gateway.api.grpc.authenticate import Context, Gate
+from gateway.api.grpc.authenticate import CallAuthorizer, Context
 from gateway.api.grpc.errors import StalledError
 from gateway.api.grpc.events import EventService
 from gateway.api.grpc.fleet import FleetService
@@ -56,15 +56,17 @@ def served() -> dict[str, tuple[ServiceDescriptor, object]]:
     return {**every, REFLECTION_V1: every[reflection.full_name]}
 
 
-def add_programs(server: grpc.aio.Server, gate: Gate) -> None:
+def add_programs(server: grpc.aio.Server, authorizer: CallAuthorizer) -> None:
     """Serve every method of every description."""
     for name, (service, answers) in served().items():
-        handlers = {method.name: _handler(gate, name, answers, method) for method in service.methods}
+        handlers = {method.name: _handler(authorizer, name, answers, method) for method in service.methods}
         server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler(name, handlers),))
         server.add_registered_method_handlers(name, handlers)
 
 
-def _handler(gate: Gate, name: str, service: object, method: MethodDescriptor) -> grpc.RpcMethodHandler[Any, Any]:
+def _handler(
+    authorizer: CallAuthorizer, name: str, service: object, method: MethodDescriptor
+) -> grpc.RpcMethodHandler[Any, Any]:
     path, behaviour = f"/{name}/{method.name}", getattr(service, method.name)
     coding: dict[str, Any] = {
         "request_deserializer": GetMessageClass(method.input_type).FromString,
@@ -72,11 +74,11 @@ def _handler(gate: Gate, name: str, service: object, method: MethodDescriptor) -
     }
 
     async def answer(requests: Requests, context: Context) -> Any:
-        async with gate.call(path, context) as call:
+        async with authorizer.call(path, context) as call:
             return await behaviour(await one(requests), call)
 
     async def answers(requests: Requests, context: Context) -> None:
-        async with gate.call(path, context) as call:
+        async with authorizer.call(path, context) as call:
             asked = read(requests) if method.client_streaming else await one(requests)
             async with aclosing(behaviour(asked, call)) as replies:
                 async for reply in replies:

@@ -1,4 +1,4 @@
-"""Long streams: whoever opened one may lose the right to it while it is open, and the gateway may end."""
+"""Ends open streams: when their caller's credential is revoked, and when the gateway drains."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from gateway.api.grpc.authenticate import Call
 from gateway.errors import GatewayError
 from metaros.limits import LIMITS
 
-__all__ = ["ENDING", "EndingError", "attended"]
+__all__ = ["ENDING", "DrainingError", "while_authorized"]
 
-STILL_S = LIMITS.attendance_s
-LOOK_S = 0.5
+RECHECK_S = LIMITS.credential_check_s
+POLL_S = 0.5
 ENDING = "the gateway ends: come back to another one, or in a moment"
 
 
-class EndingError(GatewayError):
+class DrainingError(GatewayError):
     """The gateway is about to end, and with it every stream; programs that try again find another one."""
 
     code = "not_ready"
 
 
 @contextlib.asynccontextmanager
-async def attended(call: Call) -> AsyncIterator[None]:
-    """While a stream is open its credential is asked again and again; CredentialsError or EndingError ends it."""
+async def while_authorized(call: Call) -> AsyncIterator[None]:
+    """While a stream is open its credential is checked periodically; CredentialsError or DrainingError ends it."""
     own, ended = asyncio.current_task(), list[Exception]()
 
     async def ask() -> None:
         asked_s = call.services.clock.monotonic_s()
         while not ended:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
             try:
-                if call.services.operations.draining:
-                    raise EndingError(ENDING)
-                if (now_s := call.services.clock.monotonic_s()) - asked_s >= STILL_S:
+                if call.services.is_draining():
+                    raise DrainingError(ENDING)
+                if (now_s := call.services.clock.monotonic_s()) - asked_s >= RECHECK_S:
                     asked_s = now_s
-                    await call.still()
+                    await call.recheck()
             except Exception as error:
                 ended.append(error)
                 if own is not None:

@@ -108,7 +108,7 @@ class Subscription:
                 self._values()
             while True:
                 yield await self._sink.next()
-                self._tell_dropped()
+                self._send_dropped()
         finally:
             feeding.cancel()
             unfeed()
@@ -183,9 +183,9 @@ class Subscription:
 
     def _on_dropped(self, _number: int, count: int, _total: int) -> None:
         self._dropped += count
-        self._tell_dropped()
+        self._send_dropped()
 
-    def _tell_dropped(self) -> None:
+    def _send_dropped(self) -> None:
         """Now, or when there is room."""
         if self._dropped and self._sink.ready():
             self._sink.write(Reply(dropped=self._dropped).SerializeToString())

@@ -1,4 +1,4 @@
-"""TelemetryService: what robots say and what is said to them; every call has passed the gate, see serving.py."""
+"""TelemetryService: what robots say and what is said to them; every call is authorized, see serving.py."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import AsyncIterator
 from contextlib import aclosing
 from typing import Any
 
-from gateway.api.grpc.attended import attended
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import document, stamp, text_of
 from gateway.api.grpc.goals import goal_replies
 from gateway.api.grpc.query import QueryReplies
+from gateway.api.grpc.stream_authorization import while_authorized
 from gateway.api.grpc.subscribe import Subscription
 from gateway.errors import TooManyError
-from gateway.fleet.orders import Order
+from gateway.fleet.command_manager import NewCommand
 from metaros._proto import telemetry_pb2
 from metaros.limits import LIMITS
 
@@ -25,18 +25,18 @@ class TelemetryService:
 
     async def Subscribe(self, request: telemetry_pb2.SubscribeRequest, call: Call) -> AsyncIterator[bytes]:
         """Samples and values as they arrive; serialised already, as many calls share them. TooManyError when full."""
-        attendance = call.services.attendance
-        if attendance.full(call.principal):
+        open_connections = call.services.open_connections
+        if open_connections.viewers_full(call.principal):
             raise TooManyError(f"of {LIMITS.viewers} viewers, {LIMITS.viewers_each} of a user or key, all look already")
-        with attendance.place(call.principal):
-            async with attended(call), aclosing(Subscription(request, call).replies()) as replies:
+        with open_connections.count_viewer(call.principal):
+            async with while_authorized(call), aclosing(Subscription(request, call).replies()) as replies:
                 async for reply in replies:
                     yield reply
 
     async def Query(self, request: telemetry_pb2.QueryRequest, call: Call) -> AsyncIterator[Any]:
         """Stored messages of a range, a page at a time: the next one is read when the last one was taken."""
         call.require(request.robot)
-        async with attended(call), aclosing(QueryReplies(request, call).replies()) as replies:
+        async with while_authorized(call), aclosing(QueryReplies(request, call).replies()) as replies:
             async for reply in replies:
                 yield reply
 
@@ -47,8 +47,8 @@ class TelemetryService:
         message = document(request.json, "json") if cdr is None else None
         asked: dict[str, Any] = {"topic": request.topic, "type": request.type_name}
         asked |= {"message": message} if cdr is None else {"cdr_bytes": len(cdr)}
-        order = Order(robot=request.robot, kind="publish", request=asked)
-        with call.services.orders.noted(order, call.principal):
+        order = NewCommand(robot=request.robot, kind="publish", request=asked)
+        with call.services.command_manager.track(order, call.principal):
             await call.services.fleet.publish(
                 request.robot,
                 request.topic,
@@ -66,8 +66,8 @@ class TelemetryService:
         timeout_s = request.timeout_s or LIMITS.command_timeout_s
         value = document(request.json, "json")
         asked = {"service": request.service, "type": request.type_name, "request": value}
-        order = Order(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
-        with call.services.orders.noted(order, call.principal) as noted:
+        order = NewCommand(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
+        with call.services.command_manager.track(order, call.principal) as noted:
             noted.result = await call.services.fleet.call(
                 request.robot,
                 request.service,
@@ -93,7 +93,7 @@ class TelemetryService:
             by=call.principal.name or call.principal.id,
         )
         call.detail = f"goal {goal.id} of {goal.action[:100]}"
-        async with attended(call), aclosing(goal_replies(goal)) as replies:
+        async with while_authorized(call), aclosing(goal_replies(goal)) as replies:
             async for reply in replies:
                 yield reply
 
@@ -101,7 +101,7 @@ class TelemetryService:
         """How a goal goes that was sent before."""
         call.require(request.robot)
         goal = call.services.goals.find(request.robot, request.goal)
-        async with attended(call), aclosing(goal_replies(goal)) as replies:
+        async with while_authorized(call), aclosing(goal_replies(goal)) as replies:
             async for reply in replies:
                 yield reply
 

@@ -13,15 +13,15 @@ import orjson
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
+from gateway.api.authorization import PRINCIPAL_KEY, SAFE_METHODS
 from gateway.api.problem import PROBLEM_TYPE, problem
-from gateway.api.viewer_doors import is_door
+from gateway.api.viewer_endpoints import needs_principal
 from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import StoreError
 from gateway.identity.audit import AuditLog
 from gateway.identity.permissions import Permission
 
-__all__ = ["Audited", "note", "reach"]
+__all__ = ["Audited", "note", "rights_detail"]
 
 REFUSALS = (401, 403, 429)
 TRY_AGAIN = 1013
@@ -37,7 +37,7 @@ def note(connection: HTTPConnection, *, actor: Principal | None = None, detail: 
         kept["detail"] = detail
 
 
-def reach(who: str, role: Role, robots: Sequence[str], *, disabled: bool = False) -> str:
+def rights_detail(who: str, role: Role, robots: Sequence[str], *, disabled: bool = False) -> str:
     """What a user or a key may do from now on, as a row's detail."""
     return f"{who}: {role.word}, robots {' '.join(robots)}{', disabled' if disabled else ''}"
 
@@ -51,7 +51,7 @@ class Audited:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on; the row is written on the way back."""
-        if scope["type"] not in ("http", "websocket") or not is_door(scope["path"]):
+        if scope["type"] not in ("http", "websocket") or not needs_principal(scope["path"]):
             await self._app(scope, receive, send)
             return
         scope.setdefault("state", {})

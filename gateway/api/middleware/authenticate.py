@@ -2,8 +2,8 @@
 
 `Authorization: Bearer mrk_…`, else of a socket the subprotocol `metaros.key.<key>`, of a viewer's socket `?token=` (a
 key or a ticket), else the cookie `metaros_session`, else nobody. A credential that is not good is remembered, not
-answered: a page with an expired cookie must still load and be able to sign in, so `allow` refuses it wherever more is
-asked than what is public.
+answered: a page with an expired cookie must still load and be able to sign in, so `require_permission` refuses it
+wherever more is asked than what is public.
 
 Nobody is a viewer on this very machine, if the settings say so: the connection comes from a loopback address, by a
 loopback name, and no proxy says that it passes on somebody else's.
@@ -17,16 +17,16 @@ from typing import Literal
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from gateway.api.address import PROXIED_KEY
-from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
-from gateway.api.guard import LOOPBACK_NAMES
-from gateway.api.hook_place import is_hook
-from gateway.api.rate import Rates, address_of
-from gateway.api.viewer_doors import TOKEN_KEY, is_door
+from gateway.api.authorization import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
+from gateway.api.middleware.address import PROXIED_KEY
+from gateway.api.middleware.guard import LOOPBACK_NAMES
+from gateway.api.middleware.rate import Rates, address_of
+from gateway.api.viewer_endpoints import TOKEN_KEY, needs_principal
+from gateway.api.webhook_path import is_webhook
 from gateway.domain.networks import is_loopback_address
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
-from gateway.identity.door import Door
+from gateway.identity.authenticator import Authenticator
 from gateway.identity.tickets import is_ticket
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -52,33 +52,39 @@ class Credential:
         return f"Credential({self.kind})"  # never the secret: this may end in a log
 
 
-async def identify(door: Door, credential: Credential) -> Principal | None:
+async def identify(authenticator: Authenticator, credential: Credential) -> Principal | None:
     """Whose it is now; None when it is not good, or not any more."""
     if not credential.text or len(credential.text) > LIMITS.credential_chars:
         return None
     if credential.kind == "session":
-        return await door.by_session(credential.text)
+        return await authenticator.by_session(credential.text)
     if is_ticket(credential.text) and credential.kind != "ticket":
         return None  # a ticket opens viewers' sockets, nothing else
-    return await door.by_key(credential.text)
+    return await authenticator.by_key(credential.text)
 
 
 class Authenticate:
     """Puts the principal, or why there is none, into the scope."""
 
     def __init__(
-        self, app: ASGIApp, door: Door, *, anonymous: bool, host: str = "127.0.0.1", rates: Rates | None = None
+        self,
+        app: ASGIApp,
+        authenticator: Authenticator,
+        *,
+        anonymous: bool,
+        host: str = "127.0.0.1",
+        rates: Rates | None = None,
     ) -> None:
         """`rates` bound how many credentials that are not good one address may try."""
         self._app = app
         self._rates = rates
-        self._door = door
+        self._authenticator = authenticator
         self._anonymous = anonymous
         self._names = {*LOOPBACK_NAMES, f"[{host}]" if ":" in host else host.lower()}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Find out, then pass on."""
-        if scope["type"] in ("http", "websocket") and is_door(scope["path"]) and PRINCIPAL_KEY not in scope:
+        if scope["type"] in ("http", "websocket") and needs_principal(scope["path"]) and PRINCIPAL_KEY not in scope:
             scope.setdefault("state", {})
             scope[PRINCIPAL_KEY] = NOBODY
             try:
@@ -94,7 +100,7 @@ class Authenticate:
         address = address_of(scope)
         if self._rates is not None:
             self._rates.check("refused", address)  # before the store is asked
-        found = await identify(self._door, credential)
+        found = await identify(self._authenticator, credential)
         if found is None:
             if self._rates is not None:
                 self._rates.count("refused", address)
@@ -130,7 +136,7 @@ def _credential(scope: Scope) -> tuple[Credential | None, bool]:
         scheme, _, text = said[0].partition(" ")
         if len(said) > 1 or scheme.lower() != "bearer" or TOKEN_KEY in scope:
             raise CredentialsError("Authorization is Bearer and a key, once")
-        if is_hook(scope):
+        if is_webhook(scope):
             return None, False  # what it proves itself by is the hook's business
         return Credential("key", text.strip()), False
     offered = [name for name in scope.get("subprotocols", ()) if name.startswith(KEY_PROTOCOL)]

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
-from gateway.api.aws.place import is_lambda
-from gateway.api.guard import body_limit, drain, upload_limit
-from gateway.api.hook_place import is_hook
-from gateway.api.rate import PAUSE_S, address_of
+from gateway.api.authorization import PRINCIPAL_KEY, SAFE_METHODS
+from gateway.api.aws.prefix import is_lambda
+from gateway.api.middleware.guard import body_limit, drain, upload_limit
+from gateway.api.middleware.rate import PAUSE_S, address_of
+from gateway.api.webhook_path import is_webhook
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, OverloadedError, RequestTimeoutError, TooManyRequestsError
 from metaros.errors import MetarosError
@@ -77,7 +77,9 @@ class Bodies:
         """How large a body may be; nobody's is small: it holds a password, a token or a certificate's request."""
         principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
         most = body_limit(scope)
-        return most if principal.kind != "anonymous" or is_hook(scope) else min(most, self._limits.anonymous_body_bytes)
+        return (
+            most if principal.kind != "anonymous" or is_webhook(scope) else min(most, self._limits.anonymous_body_bytes)
+        )
 
     @property
     def limits(self) -> Limits:
@@ -88,8 +90,8 @@ class Bodies:
 class _Body:
     """The body of one request."""
 
-    def __init__(self, desk: Bodies, scope: Scope, receive: Receive, send: Send) -> None:
-        self._desk = desk
+    def __init__(self, middleware: Bodies, scope: Scope, receive: Receive, send: Send) -> None:
+        self._middleware = middleware
         self._scope = scope
         self._receive = receive
         self._send = send
@@ -120,7 +122,7 @@ class _Body:
 
     async def _piece(self) -> Message:
         """One piece of a large file, which its route takes as it comes and never keeps in memory."""
-        limit, limits = self._desk.limit(self._scope), self._desk.limits
+        limit, limits = self._middleware.limit(self._scope), self._middleware.limits
         try:
             async with asyncio.timeout(limits.body_idle_s):
                 message = await self._receive()
@@ -136,7 +138,7 @@ class _Body:
         return message
 
     async def _whole(self) -> Message:
-        limit, limits = self._desk.limit(self._scope), self._desk.limits
+        limit, limits = self._middleware.limit(self._scope), self._middleware.limits
         if (said := _said_bytes(self._scope)) > limit:
             await self._let_go()
             raise BodyTooLargeError(f"the body has {said} bytes, at most {limit} may come")
@@ -155,7 +157,7 @@ class _Body:
                         pieces.clear()
                         await self._let_go()
                         raise BodyTooLargeError(f"the body is over {limit} bytes")
-                    self._desk.in_flight.add(self.address, len(piece))
+                    self._middleware.in_flight.add(self.address, len(piece))
                     self.counted += len(piece)
                     if piece:
                         pieces.append(piece)

@@ -13,15 +13,15 @@ from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from gateway.api.allow import admit, declared
+from gateway.api.authorization import authorize, permissions_of
 from gateway.api.problem import problem
 from gateway.identity.permissions import Permission
 from metaros.errors import MetarosError
 
-__all__ = ["Express"]
+__all__ = ["FastPath"]
 
 
-class Express:
+class FastPath:
     """Takes some GETs; all else goes on."""
 
     def __init__(self, app: ASGIApp, *, routes: Iterable[APIRoute]) -> None:
@@ -29,7 +29,7 @@ class Express:
         self._app = app
         self._routes: dict[str, tuple[APIRoute, Permission]] = {}
         for route in routes:
-            (row,) = declared(route)
+            (row,) = permissions_of(route)
             self._routes[route.path] = route, row
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -41,7 +41,7 @@ class Express:
         scope.update(route=route, endpoint=route.endpoint, path_params={})
         request = Request(scope, receive, send)
         try:
-            admit(request, row)
+            authorize(request, row)
             response = await route.endpoint(request)
         except MetarosError as error:
             response = problem(error)

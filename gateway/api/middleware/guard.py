@@ -1,4 +1,4 @@
-"""The wall around every request and socket: Host and Origin allow-list, body rules, security headers. Pure ASGI.
+"""Checks before every request and socket: Host and Origin allow-list, body rules, security headers. Pure ASGI.
 
 A web page somewhere can make a user's browser send requests to this machine. It cannot choose the Host header of a
 name it does not own to be ours (DNS rebinding shows its own name), and it cannot hide its Origin. So: the Host must be
@@ -16,16 +16,16 @@ from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.aws.place import is_lambda
-from gateway.api.hook_place import is_hook
+from gateway.api.aws.prefix import is_lambda
 from gateway.api.problem import PROBLEM_TYPE, problem_bytes
-from gateway.api.viewer_doors import TOKEN_KEY
+from gateway.api.viewer_endpoints import TOKEN_KEY
+from gateway.api.webhook_path import is_webhook
 from gateway.errors import BodyTooLargeError, HostError, MediaTypeError, OriginError, RequestError
 from metaros.limits import LIMITS
 
 __all__ = ["PROTOCOL_KEY", "UPLOADS", "Guard", "body_limit", "drain", "upload_limit"]
 
-PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
+PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/close.py
 REFUSED = 4403
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 MOST_DIGITS = 15  # of a Content-Length
@@ -134,7 +134,7 @@ def body_limit(scope: Scope) -> int:
         return _checked_length(scope, upload)
     if types == ["application/json"] and scope["method"] == "PUT" and _FUNCTION.fullmatch(scope["path"]):
         return _checked_length(scope, LIMITS.function_deploy_bytes)
-    if types == ["application/json"] and is_hook(scope):
+    if types == ["application/json"] and is_webhook(scope):
         return _checked_length(scope, LIMITS.hook_bytes)
     if len(types) != 1 or types[0] not in BODY_LIMITS:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")

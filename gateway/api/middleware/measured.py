@@ -14,9 +14,9 @@ from typing import Any, Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.allow import PRINCIPAL_KEY
+from gateway.api.authorization import PRINCIPAL_KEY
 from gateway.domain.principal import NOBODY, Principal
-from gateway.ops.logs import asked_by
+from gateway.ops.logs import log_context
 from gateway.ops.meters import Meters
 from metaros.clock import Clock
 
@@ -44,7 +44,7 @@ class Measured:
             return
         watch = _Watch(scope, send, self._meters)
         began_s = self._clock.monotonic_s()
-        with asked_by(watch.facts):
+        with log_context(watch.facts):
             try:
                 await self._app(scope, receive, watch.send)
             finally:

@@ -14,11 +14,11 @@ from typing import Literal
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gateway.api.allow import PRINCIPAL_KEY, RATES_KEY
-from gateway.api.guard import AGENTS_ONLY, PROTOCOL_KEY
+from gateway.api.authorization import PRINCIPAL_KEY, RATES_KEY
+from gateway.api.middleware.fair_queue import FairQueue
+from gateway.api.middleware.guard import AGENTS_ONLY, PROTOCOL_KEY
 from gateway.api.problem import problem
-from gateway.api.turns import Turns
-from gateway.domain.buckets import Buckets
+from gateway.domain.buckets import TokenBuckets
 from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
 from gateway.identity.lockout import address_group
@@ -75,8 +75,10 @@ class Rates:
         """`per_s` has other rates by name, with bursts in proportion; 0 turns one off."""
         rows = [_scaled(row, per_s.get(row.name)) for row in table]
         self._clock = clock
-        self._buckets: dict[str, Buckets] = {row.name: Buckets(per_s=row.per_s, burst=row.burst) for row in rows}
-        self.turns = Turns(
+        self._buckets: dict[str, TokenBuckets] = {
+            row.name: TokenBuckets(per_s=row.per_s, burst=row.burst) for row in rows
+        }
+        self.fair_queue = FairQueue(
             lambda: not self._buckets["strangers"].take("", self._clock.monotonic_s()),
             per_s=next((row.per_s for row in rows if row.name == "strangers"), 0.0),
             most_each=LIMITS.strangers_waiting_each,
@@ -136,7 +138,7 @@ class RateLimited:
             key = self._count(scope)
             principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
             if principal.role is Role.NONE and principal.kind != "robot":
-                await self._rates.turns.wait(address_of(scope))
+                await self._rates.fair_queue.wait(address_of(scope))
         except TooManyRequestsError as error:
             await asyncio.sleep(self._pause())
             await refuse(scope, receive, send, error)
@@ -200,7 +202,7 @@ class RateLimited:
                 rates.take("message_bytes", me, len(message.get("text") or message.get("bytes") or ""))
             except TooManyRequestsError:
                 rates.count("sockets", key, cost)
-                words = getattr(scope.get(PROTOCOL_KEY), "last_words", "")
+                words = getattr(scope.get(PROTOCOL_KEY), "close_notice", "")
                 if words:
                     await send({"type": "websocket.send", "text": words})
                 await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": TooManyRequestsError.code})

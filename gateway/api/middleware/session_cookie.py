@@ -5,7 +5,7 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api.authenticate import COOKIE
+from gateway.api.middleware.authenticate import COOKIE
 from metaros.limits import LIMITS
 
 __all__ = ["clear_session", "set_session"]

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 from metaros.limits import LIMITS
 
 __all__ = [

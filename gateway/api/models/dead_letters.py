@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 
 __all__ = ["DeadLetter", "DeadLetterList", "Dropped", "Redrive", "Redriven", "Replay", "ReplayList", "ReplayRequest"]
 

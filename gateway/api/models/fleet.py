@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
-from gateway.api.models import Value
-from gateway.api.models_history import MessageError
+from gateway.api.models.base import Exact
+from gateway.api.models.common import Value
+from gateway.api.models.history import MessageError
 
 __all__ = ["Group", "GroupList", "NewestMessage", "Snapshot"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 
 __all__ = ["GatewayState"]
 

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 
 __all__ = ["History", "InstantMessages", "MessagePage", "Timeline"]
 

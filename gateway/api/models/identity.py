@@ -1,12 +1,12 @@
-"""Accounts in the API's documents: what a request may hold and what answers it."""
+"""Accounts, keys, tickets and sign-in in the API's documents: what a request may hold and what answers it."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -19,7 +19,10 @@ __all__ = [
     "NewApiKey",
     "Nothing",
     "PasswordRequest",
+    "Provider",
     "SignInLink",
+    "Ticket",
+    "TicketRequest",
     "TokenRequest",
     "User",
     "UserChange",
@@ -161,3 +164,29 @@ class ApiKeyList(Exact):
 
     keys: list[ApiKey]
     next: str | None
+
+
+class TicketRequest(Exact):
+    """What the ticket may do at most; without robots, all that its maker sees."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"robots": ["r1"], "ttl_s": 3600.0}})
+
+    robots: list[str] | None = Field(default=None, min_length=1, max_length=LIMITS.robot_patterns)
+    role: RoleWord = "viewer"
+    ttl_s: float = Field(default=3600.0, ge=1.0, le=LIMITS.ticket_s, description="how long it is good, seconds")
+
+
+class Ticket(Exact):
+    """A bearer for viewers' sockets: `ws://…/foxglove?token=TICKET`."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"ticket": "mrt_…", "expires": "2026-11-22T12:00:00Z"}})
+
+    ticket: str
+    expires: str
+
+
+class Provider(Exact):
+    """What the sign-in page offers; nulls where there is no provider."""
+
+    name: str | None
+    url: str | None

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from gateway.api.model_base import Exact, Model
-from gateway.api.models_twin import Change
+from gateway.api.models.base import Exact, Model
+from gateway.api.models.twin import Change
 
 __all__ = [
     "Crashes",

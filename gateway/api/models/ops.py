@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from gateway.api.model_base import Model
+from gateway.api.models.base import Model
 
 __all__ = ["Debug", "Span", "Trace", "Traces"]
 
@@ -54,5 +54,5 @@ class Debug(Model):
     numbers: dict[str, float] = Field(examples=[{"metaros_viewers": 2.0}])
     robots: dict[str, int] = Field(examples=[{"known": 5, "online": 3, "elsewhere": 1}])
     tasks: list[dict[str, Any]] = Field(
-        examples=[[{"runs": "Crowd.run", "waits_at": "gateway/crowd.py:1", "tasks": 1}]]
+        examples=[[{"runs": "ConnectionLimits.run", "waits_at": "gateway/server/connections.py:1", "tasks": 1}]]
     )

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from gateway.api.model_base import Exact, Model
+from gateway.api.models.base import Exact, Model
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -220,7 +220,7 @@ class ScheduleTimes(Exact):
 
 
 class HookRequest(Exact):
-    """A door for webhooks. `signature`: by Standard Webhooks; `bearer`: the secret itself in Authorization."""
+    """An endpoint for webhooks. `signature`: by Standard Webhooks; `bearer`: the secret itself in Authorization."""
 
     name: str = Field(min_length=1, max_length=63)
     description: str = Field(default="", max_length=500)

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact, Model
+from gateway.api.models.base import Exact, Model
 
 __all__ = [
     "LabelsChange",

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
+from gateway.api.models.base import Exact
 
 __all__ = ["Bundle", "OnlineKeys", "OnlineKeysRequest", "Published", "SignedUpload", "UpdateList", "WithdrawRequest"]
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from gateway.api.model_base import Exact
-from gateway.api.models_alerts import Severity
+from gateway.api.models.alerts import Severity
+from gateway.api.models.base import Exact
 
 __all__ = [
     "AlertCheck",

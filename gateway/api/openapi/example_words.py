@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.api.example_alerts import ALERT_OPERATIONS
+from gateway.api.openapi.example_alerts import ALERT_OPERATIONS
 
 __all__ = ["NUMBERS", "OPERATIONS", "TEXTS"]
 

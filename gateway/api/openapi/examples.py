@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.api.example_words import NUMBERS, OPERATIONS, TEXTS
+from gateway.api.openapi.example_words import NUMBERS, OPERATIONS, TEXTS
 from gateway.api.problem import PROBLEM_TYPE
 from gateway.errors import ERRORS
 

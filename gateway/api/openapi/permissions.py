@@ -1,4 +1,4 @@
-"""What the walls around the routes mean for a client of the API, written into its OpenAPI document.
+"""Writes what routes require of a client (permissions, rates, errors) into the OpenAPI document.
 
 Every operation says which permission it needs (`x-metaros-permission`) and how one may prove who one is, and lists the
 answers that come from the walls around it and not from the route itself. Errors are problem documents everywhere.
@@ -13,9 +13,9 @@ from typing import Any
 from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
 
-from gateway.api.allow import SAFE_METHODS, declared
-from gateway.api.authenticate import COOKIE
-from gateway.api.examples import add_examples
+from gateway.api.authorization import SAFE_METHODS, permissions_of
+from gateway.api.middleware.authenticate import COOKIE
+from gateway.api.openapi.examples import add_examples
 from gateway.api.problem import PROBLEM_TYPE
 from gateway.api.rest.bodies import PROBLEM_REF, spelled_out
 from gateway.identity.permissions import Permission
@@ -63,7 +63,7 @@ def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
             for route in _described(served):
                 for method in route.methods or ():
                     operation = described["paths"][route.path_format][method.lower()]
-                    _describe(operation, route.path_format, method, declared(route))
+                    _describe(operation, route.path_format, method, permissions_of(route))
             add_examples(described)
             app.openapi_schema = _MADE[key] = described
         return app.openapi_schema

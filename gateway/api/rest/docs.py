@@ -8,15 +8,15 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from gateway.api.allow import allow
-from gateway.api.docs_page import STYLE, render_docs
+from gateway.api.authorization import require_permission
+from gateway.api.openapi.docs_page import STYLE, render_docs
 
 __all__ = ["router"]
 
 router = APIRouter(prefix="/docs", tags=["api"])
 
 
-@router.get("", dependencies=[allow("api.read")], response_class=HTMLResponse)
+@router.get("", dependencies=[require_permission("api.read")], response_class=HTMLResponse)
 async def get_docs(request: Request) -> Response:
     """Every operation of this API on one page, which fetches nothing from elsewhere and runs no script."""
     state = request.app.state
@@ -29,7 +29,7 @@ async def get_docs(request: Request) -> Response:
 
 @router.get(
     "/style.css",
-    dependencies=[allow("api.read")],
+    dependencies=[require_permission("api.read")],
     response_class=Response,
     responses={200: {"content": {"text/css": {}}}},
 )

@@ -44,7 +44,7 @@ class DownloadResponse(StreamingResponse):
         status_code: int = 200,
     ) -> None:
         """`what` names it in the log. It ends early when whoever asked may not have it any more."""
-        pieces = services_of(request).attendance.pieces(request, source.pieces())
+        pieces = services_of(request).open_connections.while_allowed(request, source.pieces())
         super().__init__(pieces, status_code=status_code, headers=headers, media_type=media_type)
         self._source = source
         self._what = what

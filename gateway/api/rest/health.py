@@ -6,8 +6,8 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow
+from gateway.api.authorization import require_permission
+from gateway.api.models import common
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 
@@ -18,8 +18,8 @@ router = APIRouter(tags=["health"])
 
 @router.get(
     "/healthz",
-    dependencies=[allow("health.read")],
-    responses={200: {"model": models.Health}},
+    dependencies=[require_permission("health.read")],
+    responses={200: {"model": common.Health}},
     response_class=JsonResponse,
 )
 async def healthz() -> Response:
@@ -29,8 +29,8 @@ async def healthz() -> Response:
 
 @router.get(
     "/readyz",
-    dependencies=[allow("health.read")],
-    responses={200: {"model": models.Ready}, 503: {"model": models.Ready}},
+    dependencies=[require_permission("health.read")],
+    responses={200: {"model": common.Ready}, 503: {"model": common.Ready}},
     response_class=JsonResponse,
 )
 async def readyz(request: Request) -> Response:

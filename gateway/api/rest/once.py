@@ -12,18 +12,18 @@ from typing import Any
 
 from starlette.requests import Request
 
-from gateway.api.allow import principal_of
-from gateway.api.audited import note
+from gateway.api.authorization import principal_of
+from gateway.api.middleware.audited import note
 from gateway.api.services import services_of
-from gateway.domain.command import DONE, Command
 from gateway.domain.errors import IdempotencyConflictError
-from gateway.domain.once import Once
+from gateway.domain.fleet.command import DONE, Command
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.errors import CommandRefusedError, CommandTimeoutError
-from gateway.fleet.commands import TRAVEL_S
-from gateway.fleet.goal import Goal
-from gateway.fleet.orders import Order
+from gateway.fleet.command_dispatcher import TRAVEL_S
+from gateway.fleet.command_manager import NewCommand
+from gateway.fleet.ros.goal import Goal
 from gateway.store.engine import StoreEngine
-from gateway.store.once import made_before, remember_made
+from gateway.store.fleet.idempotency import made_before, remember_made
 
 __all__ = ["OnceGoal", "carried_once", "key_of", "once_of"]
 
@@ -33,10 +33,10 @@ def key_of(request: Request) -> str | None:
     return request.headers.get("idempotency-key")
 
 
-def once_of(request: Request, asked: Mapping[str, Any]) -> Once | None:
+def once_of(request: Request, asked: Mapping[str, Any]) -> IdempotentRequest | None:
     """For what makes something; None without a key. `asked`: the request without its secrets. InvalidRequestError."""
     key = key_of(request)
-    return Once.of(principal_of(request), key, asked) if key is not None else None
+    return IdempotentRequest.of(principal_of(request), key, asked) if key is not None else None
 
 
 class OnceGoal:
@@ -77,15 +77,15 @@ class OnceGoal:
         return goal
 
 
-async def carried_once(request: Request, order: Order) -> Command:
+async def carried_once(request: Request, order: NewCommand) -> Command:
     """The order's good end, whether it came to it now or when it was sent before.
 
     Raises:
         CommandRefusedError: it failed; the code is the one that it failed with.
         CommandTimeoutError: it is under way still: the same request may be sent again.
-        MetarosError: see OrderDesk.send.
+        MetarosError: see CommandManager.send.
     """
-    orders = services_of(request).orders
+    orders = services_of(request).command_manager
     command = await orders.send(order, principal_of(request))
     note(request, detail=f"{command.id} {command.kind} {command.state}")
     if not command.over:  # somebody else sent it a moment ago

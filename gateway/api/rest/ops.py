@@ -9,8 +9,8 @@ from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
-from gateway.api import models_ops as models
-from gateway.api.allow import allow, principal_of, require_all
+from gateway.api.authorization import principal_of, require_all_robots, require_permission
+from gateway.api.models import ops as models
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 from gateway.ops.meters import text_of
@@ -23,7 +23,7 @@ router = APIRouter(tags=["operations"])
 
 @router.get(
     "/metrics",
-    dependencies=[allow("metrics.read")],
+    dependencies=[require_permission("metrics.read")],
     responses={
         200: {
             "content": {"text/plain": {}, "application/openmetrics-text": {}},
@@ -34,17 +34,17 @@ router = APIRouter(tags=["operations"])
 )
 async def metrics(request: Request) -> Response:
     """What the gateway counts, for Prometheus; see docs/reference/metrics.md. Needs the scope of all robots."""
-    require_all(request, "the gateway's metrics")
-    operations = services_of(request).operations
-    families = await operations.families()
+    require_all_robots(request, "the gateway's metrics")
+    services = services_of(request)
+    families = await services.families()
     accept = request.headers.get("accept", "")
-    body, content_type = await asyncio.to_thread(text_of, operations.meters, families, accept=accept)
+    body, content_type = await asyncio.to_thread(text_of, services.meters, families, accept=accept)
     return Response(body, headers={"content-type": content_type})
 
 
 @router.get(
     "/api/v1/traces",
-    dependencies=[allow("telemetry.read")],
+    dependencies=[require_permission("telemetry.read")],
     responses={200: {"model": models.Traces}},
     response_class=JsonResponse,
 )
@@ -56,13 +56,13 @@ async def traces(
 ) -> Response:
     """The newest samples that were followed from their robot to viewers and row, with the time of each stage."""
     sees = principal_of(request).sees
-    found = services_of(request).operations.traces.newest(robot=robot, topic=topic, sees=sees, limit=limit)
+    found = services_of(request).traces.newest(robot=robot, topic=topic, sees=sees, limit=limit)
     return JsonResponse({"traces": [journey.document() for journey in found]})
 
 
 @router.get(
     "/api/v1/debug",
-    dependencies=[allow("debug.read")],
+    dependencies=[require_permission("debug.read")],
     responses={200: {"model": models.Debug, "content": {"text/plain": {}}}},
     response_class=JsonResponse,
 )
@@ -73,6 +73,6 @@ async def debug(
     ] = "json",
 ) -> Response:
     """Tasks, threads, memory, queues, settings without their secrets: what a bug report needs."""
-    require_all(request, "the gateway's report")
-    report = await services_of(request).operations.report()
+    require_all_robots(request, "the gateway's report")
+    report = await services_of(request).report()
     return JsonResponse(report) if form == "json" else PlainTextResponse(as_text(report) + "\n")

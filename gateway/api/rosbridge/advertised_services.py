@@ -1,4 +1,4 @@
-"""Services and actions that a client serves in a robot's graph: who asks on the robot is answered by the client."""
+"""Services and actions that a client serves in a robot's graph: calls from the robot are answered by the client."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from gateway.api.rosbridge.client import Client
 from gateway.api.rosbridge.dialect import decode, encode
 from gateway.api.rosbridge.requests import ActionFeedback, ActionResult, Offer, ServiceResponse, Unoffer
 from gateway.errors import InvalidRequestError, TooManyError
-from gateway.fleet import offer as offers
+from gateway.fleet.ros import offer as offers
 from metaros.idl import Catalogue
 from metaros.limits import LIMITS
 
-__all__ = ["Offering"]
+__all__ = ["AdvertisedServices"]
 
 ANSWER_S = 120.0  # a client that says nothing for so long has failed the call
 ENDS: dict[int, offers.GoalEnd] = {4: "succeeded", 5: "canceled"}
 
 
-class Offering:
+class AdvertisedServices:
     """Of one client. Its offers end with its socket."""
 
     def __init__(self, client: Client) -> None:
@@ -85,13 +85,13 @@ class Offering:
         return working
 
     async def _advertise(self, key: tuple[str, str], request: Offer) -> None:
-        visitor, name, made = self._client.visitor, request.name, None
+        access, name, made = self._client.access, request.name, None
         spoken = offers.Dialect(self._encode, decode)
         try:
             if key[0] == "service":
-                made = await visitor.offer_service(name, request.type_name, self._answering(name), dialect=spoken)
+                made = await access.offer_service(name, request.type_name, self._answering(name), dialect=spoken)
             else:
-                made = await visitor.offer_action(name, request.type_name, self._executing(name), dialect=spoken)
+                made = await access.offer_action(name, request.type_name, self._executing(name), dialect=spoken)
         finally:
             if made is None:
                 self._offers.pop(key, None)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from gateway.api.robot_access import ResolvedName
 from gateway.api.rosbridge.client import Client
 from gateway.api.rosbridge.dialect import decode, encode
 from gateway.api.rosbridge.requests import CallService, CancelGoal, SendGoal, Shape
 from gateway.api.rosbridge.rosapi import Rosapi
-from gateway.api.visitor import Place
 from gateway.errors import InvalidRequestError
-from gateway.fleet.goal import Goal, GoalEvent
-from gateway.fleet.ros_errors import UnknownActionError, UnknownServiceError
-from gateway.fleet.typed import catalogue_for
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.errors import UnknownActionError, UnknownServiceError
+from gateway.fleet.ros.goal import Goal, GoalEvent
+from gateway.fleet.ros.typed import catalogue_for
+from gateway.fleet.ros.types import full_type_name
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue
 from metaros.limits import LIMITS
@@ -44,7 +44,7 @@ class Calling:
 
     def __init__(self, client: Client) -> None:
         self._client = client
-        self._rosapi = Rosapi(client.visitor)
+        self._rosapi = Rosapi(client.access)
 
     def call(self, request: CallService) -> None:
         """Call, and answer when the answer is there. TooManyError."""
@@ -62,15 +62,15 @@ class Calling:
     async def _answer(self, request: CallService) -> Any:
         if self._rosapi.serves(request.service):
             return await self._rosapi.answer(request.service, request.args)
-        visitor = self._client.visitor
-        place = visitor.find_service(request.service)
-        visitor.check("robots.call", place.robot)
-        type_name, catalogue = self._type(place, request.type_name)
+        access = self._client.access
+        resolved = access.find_service(request.service)
+        access.check("robots.call", resolved.robot)
+        type_name, catalogue = self._type(resolved, request.type_name)
         cdr = await _cdr(
             f"{type_name}_Request", request.args, catalogue, chars=request.chars, now_ns=self._client.now_ns
         )
         timeout_s = request.timeout_s if request.timeout_s is not None else LIMITS.command_timeout_s
-        payload: bytes = await visitor.call(
+        payload: bytes = await access.call(
             request.service,
             type_name=type_name,
             request=request.args,
@@ -81,12 +81,12 @@ class Calling:
         )
         return await _values(f"{type_name}_Response", payload, catalogue)
 
-    def _type(self, place: Place, said: str) -> tuple[str, Catalogue]:
-        graph = self._client.services.graphs.of(place.robot)
-        info = graph.services.get(place.name)
-        known = CANCEL_TYPE if place.name.endswith(CANCEL_ALL) else (info.type_name if info is not None else "")
+    def _type(self, resolved: ResolvedName, said: str) -> tuple[str, Catalogue]:
+        graph = self._client.services.graphs.of(resolved.robot)
+        info = graph.services.get(resolved.name)
+        known = CANCEL_TYPE if resolved.name.endswith(CANCEL_ALL) else (info.type_name if info is not None else "")
         if not said and not known:
-            raise UnknownServiceError(f"type is missing, and robot {place.robot} has no service {place.name}")
+            raise UnknownServiceError(f"type is missing, and robot {resolved.robot} has no service {resolved.name}")
         type_name = full_type_name(said or known, "srv")
         type_hash = info.type_hash if info is not None and info.type_name == type_name else ""
         return type_name, catalogue_for(graph, type_name, type_hash)
@@ -141,21 +141,23 @@ class Goals:
             self._cancelled.discard(name)
 
     async def _sent(self, request: SendGoal) -> Goal:
-        visitor = self._client.visitor
-        place = visitor.find_action(request.action)
-        visitor.check("robots.call", place.robot)
-        graph = self._client.services.graphs.of(place.robot)
-        info = graph.actions.get(place.name)
+        access = self._client.access
+        resolved = access.find_action(request.action)
+        access.check("robots.call", resolved.robot)
+        graph = self._client.services.graphs.of(resolved.robot)
+        info = graph.actions.get(resolved.name)
         if not request.type_name and info is None:
-            raise UnknownActionError(f"action_type is missing, and robot {place.robot} has no action {place.name}")
+            raise UnknownActionError(
+                f"action_type is missing, and robot {resolved.robot} has no action {resolved.name}"
+            )
         type_name = full_type_name(request.type_name or (info.type_name if info is not None else ""), "action")
         type_hash = info.type_hash if info is not None and info.type_name == type_name else ""
         catalogue = catalogue_for(graph, f"{type_name}_SendGoal", type_hash)
         cdr = await _cdr(f"{type_name}_Goal", request.args, catalogue, chars=request.chars, now_ns=self._client.now_ns)
-        return await visitor.send_goal(request.action, type_name=type_name, cdr=cdr, lease_id=request.lease_id)
+        return await access.send_goal(request.action, type_name=type_name, cdr=cdr, lease_id=request.lease_id)
 
     async def _cancel(self, goal: Goal) -> None:
-        await self._client.visitor.cancel_goal(goal.robot, goal.id)
+        await self._client.access.cancel_goal(goal.robot, goal.id)
 
     async def _end(self, event: GoalEvent, goal: Goal, answer: dict[str, Any], shape: Shape) -> None:
         """What it gave; one that was rejected or lost gave nothing but a reason."""

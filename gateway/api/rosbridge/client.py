@@ -1,4 +1,4 @@
-"""What the parts of one rosbridge connection share: who it is, what is said to it, and the work that is under way."""
+"""What the parts of one rosbridge connection share: its access to robots, what is sent to it, and its running tasks."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import logging
 from collections.abc import Coroutine
 from typing import Any
 
+from gateway.api.robot_access import RobotAccess
 from gateway.api.rosbridge.protocol import PLAIN, Frame, Protocol
 from gateway.api.rosbridge.requests import Shape
 from gateway.api.services import Services
-from gateway.api.visitor import Visitor
-from gateway.api.ws.pipe import Pipe
+from gateway.api.ws.send_queue import SendQueue
 from gateway.errors import GatewayError, TooManyError
 from metaros.errors import MetarosError
 
@@ -24,16 +24,16 @@ MAX_UNDER_WAY = 64  # calls, goals and offers of one client that are being made 
 class Client:
     """One connection. Lives on the event loop."""
 
-    def __init__(self, visitor: Visitor, protocol: Protocol, pipe: Pipe) -> None:
-        self.visitor = visitor
+    def __init__(self, access: RobotAccess, protocol: Protocol, send_queue: SendQueue) -> None:
+        self.access = access
         self._protocol = protocol
-        self._pipe = pipe
+        self._send_queue = send_queue
         self._tasks: set[asyncio.Task[None]] = set()
 
     @property
     def services(self) -> Services:
         """The gateway's features."""
-        return self.visitor.services
+        return self.access.services
 
     @property
     def now_ns(self) -> int:
@@ -56,9 +56,9 @@ class Client:
         """Send ready-made frames."""
         for is_text, payload in frames:
             if is_text:
-                self._pipe.text(payload)
+                self._send_queue.text(payload)
             else:
-                self._pipe.binary(payload)
+                self._send_queue.binary(payload)
 
     def spawn(self, work: Coroutine[Any, Any, None], about: str | None = None) -> None:
         """Do it beside the reading of further requests; what it raises becomes a status.

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from gateway.api.visitor import Place, Visitor
-from gateway.fleet.graph import Endpoint, RobotGraph
+from gateway.api.robot_access import ResolvedName, RobotAccess
+from gateway.fleet.ros.graph import Endpoint, RobotGraph
 
-__all__ = ["World"]
+__all__ = ["ClientGraph"]
 
 
-class World:
-    """Looks only. Lists are sorted by name."""
+class ClientGraph:
+    """Read-only. Lists are sorted by name."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self._visitor = visitor
+    def __init__(self, access: RobotAccess) -> None:
+        self._access = access
 
     def topics(self) -> list[tuple[str, str]]:
         """(name, type) of every topic that a robot announced, or that its graph has."""
@@ -24,7 +24,7 @@ class World:
                 for topic, endpoints in table.items():
                     if endpoints:
                         found[self._shown(robot, topic)] = endpoints[0].type_name
-        found.update({topic.shown: topic.channel.schema_name for topic in self._visitor.topics()})
+        found.update({topic.shown: topic.channel.schema_name for topic in self._access.topics()})
         return sorted(found.items())
 
     def services(self) -> list[tuple[str, str]]:
@@ -51,42 +51,42 @@ class World:
 
     def publishers(self, topic: str) -> list[str]:
         """The nodes that publish a topic."""
-        return self._ends(topic, lambda graph: graph.publishers)
+        return self._nodes(topic, lambda graph: graph.publishers)
 
     def subscribers(self, topic: str) -> list[str]:
         """The nodes that subscribe to a topic."""
-        return self._ends(topic, lambda graph: graph.subscribers)
+        return self._nodes(topic, lambda graph: graph.subscribers)
 
     def providers(self, service: str) -> list[str]:
         """The nodes that serve a service."""
-        place = self._visitor.find_service(service)
-        info = self._graph(place).services.get(place.name)
-        return sorted(self._shown(place.robot, node) for node in info.nodes if node) if info is not None else []
+        resolved = self._access.find_service(service)
+        info = self._graph(resolved).services.get(resolved.name)
+        return sorted(self._shown(resolved.robot, node) for node in info.nodes if node) if info is not None else []
 
     def of_node(self, node: str) -> tuple[list[str], list[str], list[str]]:
         """(publishing, subscribing, services) of a node."""
-        for place in self._visitor.places(node):
-            graph, robot = self._graph(place), place.robot
-            if place.name in graph.nodes:
+        for resolved in self._access.candidates(node):
+            graph, robot = self._graph(resolved), resolved.robot
+            if resolved.name in graph.nodes:
                 tables = (graph.publishers, graph.subscribers)
                 publishing, subscribing = (
                     sorted(
                         self._shown(robot, topic)
                         for topic, ends in table.items()
-                        if any(end.node == place.name for end in ends)
+                        if any(end.node == resolved.name for end in ends)
                     )
                     for table in tables
                 )
-                served = [name for name, info in graph.services.items() if place.name in info.nodes]
+                served = [name for name, info in graph.services.items() if resolved.name in info.nodes]
                 return publishing, subscribing, sorted(self._shown(robot, name) for name in served)
         return [], [], []
 
-    def parameter_nodes(self) -> list[tuple[str, Place]]:
-        """(name, place) of every node that has parameters."""
+    def parameter_nodes(self) -> list[tuple[str, ResolvedName]]:
+        """(name, resolved name) of every node that has parameters."""
         suffix = "/list_parameters"
         return sorted(
             (
-                (self._shown(robot, name.removesuffix(suffix)), Place(robot, name.removesuffix(suffix)))
+                (self._shown(robot, name.removesuffix(suffix)), ResolvedName(robot, name.removesuffix(suffix)))
                 for robot, graph in self._graphs()
                 for name, info in graph.services.items()
                 if name.endswith(suffix) and info.servers
@@ -95,19 +95,19 @@ class World:
         )
 
     def _graphs(self) -> Iterator[tuple[str, RobotGraph]]:
-        yield from ((graph.robot, graph) for graph in self._visitor.graphs())
+        yield from ((graph.robot, graph) for graph in self._access.graphs())
 
-    def _graph(self, place: Place) -> RobotGraph:
-        return self._visitor.services.graphs.of(place.robot)
+    def _graph(self, resolved: ResolvedName) -> RobotGraph:
+        return self._access.services.graphs.of(resolved.robot)
 
     def _shown(self, robot: str, name: str) -> str:
-        return self._visitor.names.shown(robot, name)
+        return self._access.names.shown(robot, name)
 
-    def _ends(self, topic: str, table: Callable[[RobotGraph], Mapping[str, Sequence[Endpoint]]]) -> list[str]:
+    def _nodes(self, topic: str, table: Callable[[RobotGraph], Mapping[str, Sequence[Endpoint]]]) -> list[str]:
         found = [
-            self._shown(place.robot, end.node)
-            for place in self._visitor.places(topic)
-            for end in table(self._graph(place)).get(place.name, ())
+            self._shown(resolved.robot, end.node)
+            for resolved in self._access.candidates(topic)
+            for end in table(self._graph(resolved)).get(resolved.name, ())
             if end.node
         ]
         return sorted(set(found))

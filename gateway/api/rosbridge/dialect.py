@@ -1,14 +1,14 @@
-"""CDR to and from the values of rosbridge clients, by the types that robots announced or told."""
+"""CDR to and from the values of rosbridge clients, by the types that robots announced."""
 
 from __future__ import annotations
 
 import threading
 from typing import Any
 
-from gateway.api.rosbridge.inward import arguments, message_of
-from gateway.api.rosbridge.outward import json_values
-from gateway.decoder import Decoder
+from gateway.api.rosbridge.from_message import json_values
+from gateway.api.rosbridge.to_message import arguments, message_of
 from gateway.domain.channel import Channel
+from gateway.domain.decoder import Decoder
 from gateway.errors import InvalidRequestError
 from metaros.cdr import codec
 from metaros.cdr.layout import check_size, least_bytes

@@ -9,23 +9,23 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.api.visitor import Visitor
+from gateway.api.robot_access import RobotAccess
 from gateway.errors import LeaseRequiredError
-from gateway.fleet.lease_desk import Drive
+from gateway.fleet.lease_manager import HeldLease
 from metaros.limits import LIMITS
 
-__all__ = ["Wheel"]
+__all__ = ["DriveLeases"]
 
 RENEW_S = LIMITS.lease_s / 3
 
 
-class Wheel:
+class DriveLeases:
     """The leases of one client."""
 
-    def __init__(self, visitor: Visitor, holder: str) -> None:
-        self._visitor = visitor
+    def __init__(self, access: RobotAccess, holder: str) -> None:
+        self._access = access
         self._holder = holder
-        self._drives: dict[str, Drive] = {}
+        self._drives: dict[str, HeldLease] = {}
         self._renewed_s: dict[str, float] = {}
 
     async def lease_of(self, robot: str) -> str:
@@ -36,7 +36,7 @@ class Wheel:
             ForbiddenError, SignInError: the client may not.
             RobotError: the robot cannot be told.
         """
-        teleop, now_s = self._visitor.services.teleop, self._visitor.services.clock.monotonic_s()
+        teleop, now_s = self._access.services.teleop, self._access.services.clock.monotonic_s()
         drive = self._drives.get(robot)
         if drive is not None and not drive.lost:
             if now_s - self._renewed_s[robot] < RENEW_S:
@@ -46,8 +46,8 @@ class Wheel:
             except LeaseRequiredError:  # nothing was published for so long that it lapsed
                 drive = None
         if drive is None or drive.lost:
-            self._visitor.require("robots.drive", robot)
-            await self._visitor.record("robots.drive", f"{robot} as {self._holder}")
+            self._access.require("robots.drive", robot)
+            await self._access.record("robots.drive", f"{robot} as {self._holder}")
             drive = self._drives[robot] = await teleop.take(robot, self._holder)
         self._renewed_s[robot] = now_s
         return drive.lease_id
@@ -55,4 +55,4 @@ class Wheel:
     async def close(self) -> None:
         """Stop what it drives, and give the leases back."""
         drives, self._drives = list(self._drives.values()), {}
-        await asyncio.gather(*(self._visitor.services.teleop.release(drive) for drive in drives))
+        await asyncio.gather(*(self._access.services.teleop.release(drive) for drive in drives))

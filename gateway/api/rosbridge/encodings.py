@@ -14,10 +14,10 @@ from typing import Any, ClassVar, cast
 import cbor2
 
 from gateway.api.rosbridge.dialect import decoded
-from gateway.api.rosbridge.outward import cbor_values, json_bytes, json_values
-from gateway.api.rosbridge.pieces import fragments, png_message
+from gateway.api.rosbridge.fragmentation import fragments, png_message
+from gateway.api.rosbridge.from_message import cbor_values, json_bytes, json_values
 from gateway.api.rosbridge.requests import Shape
-from gateway.api.ws.outlet import BINARY, TEXT, frame, frame_header
+from gateway.api.ws.writer import BINARY, TEXT, frame, frame_header
 from gateway.domain.channel import Channel
 from gateway.domain.records import Record
 from gateway.live.encoding import Block, Encoding, View

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, TypeGuard
 
-from gateway.api.rosbridge.outward import json_bytes
+from gateway.api.rosbridge.from_message import json_bytes
 from gateway.errors import BodyTooLargeError, InvalidRequestError
 from metaros.limits import LIMITS, Limits
 

@@ -1,4 +1,4 @@
-"""Messages as rosbridge clients get them: JSON texts and CBOR, from decoded messages. Pure.
+"""Messages to the values that rosbridge clients get, as JSON and CBOR. Pure.
 
 JSON: one-byte arrays are base64, and NaN and infinities are null, inside arrays too. CBOR: numeric arrays are tagged
 little-endian byte strings (RFC 8746), one-byte arrays plain byte strings. How a type's fields become values is worked

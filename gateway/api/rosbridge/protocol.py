@@ -12,8 +12,8 @@ from typing import Any
 import cbor2
 
 from gateway.api.problem import error_code
-from gateway.api.rosbridge.outward import json_bytes
-from gateway.api.rosbridge.pieces import Assembler, fragments, png_message
+from gateway.api.rosbridge.fragmentation import Assembler, fragments, png_message
+from gateway.api.rosbridge.from_message import json_bytes
 from gateway.api.rosbridge.requests import LEVELS, Request, SetLevel, Shape, read_object, read_request
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits

@@ -9,14 +9,14 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
+from gateway.api.robot_access import ResolvedName
 from gateway.api.rosbridge.client import Client
 from gateway.api.rosbridge.dialect import encode, types_of
-from gateway.api.rosbridge.driving import Wheel
+from gateway.api.rosbridge.driving import DriveLeases
 from gateway.api.rosbridge.requests import Advertise, Publish, Unadvertise
-from gateway.api.visitor import Place
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError, TooManyError
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.types import full_type_name
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue, default_catalogue
 from metaros.limits import LIMITS
@@ -33,15 +33,15 @@ Request = Advertise | Publish | Unadvertise
 class Publishing:
     """Of one client; `run` is its worker."""
 
-    def __init__(self, client: Client, wheel: Wheel | None) -> None:
-        """`wheel` takes leases on actuators, where the client said that it wants to drive."""
+    def __init__(self, client: Client, drive_leases: DriveLeases | None) -> None:
+        """`drive_leases` takes leases on actuators, where the client said that it wants to drive."""
         self._client = client
-        self._wheel = wheel
+        self._drive_leases = drive_leases
         self._waiting: deque[Request] = deque()
         self._waiting_chars = 0
         self._wake = asyncio.Event()
         self._room = asyncio.Semaphore(MAX_SENT)
-        self._types: dict[Place, str] = {}  # as the client advertised
+        self._types: dict[ResolvedName, str] = {}  # as the client advertised
 
     def put(self, request: Request) -> None:
         """One more; TooManyError when so much waits already: it is left out."""
@@ -66,33 +66,33 @@ class Publishing:
             await self._wake.wait()
 
     async def _do(self, request: Request) -> None:
-        visitor = self._client.visitor
+        access = self._client.access
         if isinstance(request, Publish):
             await self._publish(request)
         elif isinstance(request, Advertise):
             type_name = full_type_name(request.type_name, "msg") if request.type_name else ""
-            place, channel = visitor.find_topic(request.topic)
+            resolved, channel = access.find_topic(request.topic)
             if channel is not None and type_name not in ("", channel.schema_name):
                 raise InvalidRequestError(f"{request.topic} has type {channel.schema_name}, and you say {type_name}")
-            await visitor.advertise(request.topic, type_name=type_name)
-            self._types[place] = type_name
+            await access.advertise(request.topic, type_name=type_name)
+            self._types[resolved] = type_name
         else:
-            self._types.pop(visitor.find_topic(request.topic)[0], None)
-            visitor.unadvertise(request.topic)
+            self._types.pop(access.find_topic(request.topic)[0], None)
+            access.unadvertise(request.topic)
 
     async def _publish(self, request: Publish) -> None:
-        place, channel = self._client.visitor.find_topic(request.topic)
-        said = request.type_name or self._types.get(place, "")
+        resolved, channel = self._client.access.find_topic(request.topic)
+        said = request.type_name or self._types.get(resolved, "")
         type_name = full_type_name(said, "msg") if said else (channel.schema_name if channel is not None else "")
-        await self._client.visitor.advertise(request.topic, type_name=type_name)  # a row when it is the first
+        await self._client.access.advertise(request.topic, type_name=type_name)  # a row when it is the first
         catalogue, now_ns = self._catalogue(type_name, channel), self._client.now_ns
         if request.chars > LARGE_CHARS:
             cdr = await asyncio.to_thread(encode, type_name, request.message, catalogue, now_ns=now_ns)
         else:
             cdr = encode(type_name, request.message, catalogue, now_ns=now_ns)
         lease_id = request.lease_id
-        if not lease_id and self._wheel is not None and self._moves(place):
-            lease_id = await self._wheel.lease_of(place.robot)
+        if not lease_id and self._drive_leases is not None and self._moves(resolved):
+            lease_id = await self._drive_leases.lease_of(resolved.robot)
         await self._room.acquire()
         try:
             self._client.spawn(self._send(request, type_name, cdr, lease_id), request.id)
@@ -102,15 +102,15 @@ class Publishing:
 
     async def _send(self, request: Publish, type_name: str, cdr: bytes, lease_id: str) -> None:
         try:
-            await self._client.visitor.publish(
+            await self._client.access.publish(
                 request.topic, type_name=type_name, cdr=cdr, lease_id=lease_id, sent_ns=request.sent_ns
             )
         finally:
             self._room.release()
         self._client.status("info", f"the robot has taken it: {request.topic}", request.id)
 
-    def _moves(self, place: Place) -> bool:
-        return self._client.services.fleet.is_actuator(place.robot, place.name)
+    def _moves(self, resolved: ResolvedName) -> bool:
+        return self._client.services.fleet.is_actuator(resolved.robot, resolved.name)
 
     def _catalogue(self, type_name: str, channel: Channel | None) -> Catalogue:
         if channel is not None and channel.schema_name == type_name:

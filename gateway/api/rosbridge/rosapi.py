@@ -10,14 +10,14 @@ from typing import Any
 
 import orjson
 
+from gateway.api.robot_access import RobotAccess
+from gateway.api.rosbridge.client_graph import ClientGraph
 from gateway.api.rosbridge.dialect import fault_of, types_of
 from gateway.api.rosbridge.parameters import Parameters
 from gateway.api.rosbridge.typedefs import typedefs
-from gateway.api.rosbridge.world import World
-from gateway.api.visitor import Visitor
 from gateway.errors import InvalidRequestError, RobotError
-from gateway.fleet.ros_errors import UnknownServiceError
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.errors import UnknownServiceError
+from gateway.fleet.ros.types import full_type_name
 from metaros.errors import UnknownTypeError
 from metaros.idl import default_catalogue
 
@@ -33,10 +33,10 @@ Ask = Callable[["Rosapi", Arguments], Awaitable[dict[str, Any]]]
 class Rosapi:
     """For one client."""
 
-    def __init__(self, visitor: Visitor) -> None:
-        self.visitor = visitor
-        self.world = World(visitor)
-        self.parameters = Parameters(visitor, self.world)
+    def __init__(self, access: RobotAccess) -> None:
+        self.access = access
+        self.client_graph = ClientGraph(access)
+        self.parameters = Parameters(access, self.client_graph)
 
     @staticmethod
     def serves(service: str) -> bool:
@@ -74,13 +74,13 @@ def _of_type(pairs: list[tuple[str, str]], type_name: str, kind: str) -> list[st
 
 
 def _topics(api: Rosapi, _args: Arguments) -> dict[str, Any]:
-    pairs = api.world.topics()
+    pairs = api.client_graph.topics()
     return {"topics": [name for name, _ in pairs], "types": [kind for _, kind in pairs]}
 
 
 def _raw_types(api: Rosapi, _args: Arguments) -> dict[str, Any]:
     """Only of announced topics: of those the definition is known."""
-    found = api.visitor.topics()
+    found = api.access.topics()
     return {
         "topics": [item.shown for item in found],
         "types": [item.channel.schema_name for item in found],
@@ -89,7 +89,7 @@ def _raw_types(api: Rosapi, _args: Arguments) -> dict[str, Any]:
 
 
 def _node_details(api: Rosapi, args: Arguments) -> dict[str, Any]:
-    publishing, subscribing, services = api.world.of_node(_text(args, "node"))
+    publishing, subscribing, services = api.client_graph.of_node(_text(args, "node"))
     return {"subscribing": subscribing, "publishing": publishing, "services": services}
 
 
@@ -100,11 +100,11 @@ def _details(kind: str, part: str = "") -> Look:
         name = full_type_name(_text(args, "type"), kind)
         if name in default_catalogue():
             return {"typedefs": typedefs(f"{name}{part}", default_catalogue())}
-        for graph in api.visitor.graphs():
+        for graph in api.access.graphs():
             for known, catalogue in graph.types.items():
                 if known[0] == name:
                     return {"typedefs": typedefs(f"{name}{part}", catalogue)}
-        for topic in api.visitor.topics() if kind == "msg" else ():
+        for topic in api.access.topics() if kind == "msg" else ():
             if topic.channel.schema_name == name and not fault_of(topic.channel):
                 return {"typedefs": typedefs(name, types_of(topic.channel))}
         raise UnknownTypeError(f"no interface {name!r} in the catalogue, and no robot of yours told it")
@@ -113,7 +113,7 @@ def _details(kind: str, part: str = "") -> Look:
 
 
 def _time(api: Rosapi, _args: Arguments) -> dict[str, Any]:
-    sec, nanosec = divmod(api.visitor.services.clock.wall_ns(), 1_000_000_000)
+    sec, nanosec = divmod(api.access.services.clock.wall_ns(), 1_000_000_000)
     return {"time": {"sec": sec, "nanosec": nanosec, "secs": sec, "nsecs": nanosec}}
 
 
@@ -157,26 +157,28 @@ async def _delete_param(api: Rosapi, args: Arguments) -> dict[str, Any]:
 
 SERVICES: dict[str, Look] = {
     "topics": _topics,
-    "topics_for_type": lambda api, args: {"topics": _of_type(api.world.topics(), _text(args, "type"), "msg")},
+    "topics_for_type": lambda api, args: {"topics": _of_type(api.client_graph.topics(), _text(args, "type"), "msg")},
     "topics_and_raw_types": _raw_types,
-    "topic_type": lambda api, args: {"type": _named(api.world.topics(), _text(args, "topic"))},
-    "services": lambda api, args: {"services": [name for name, _ in api.world.services()]},
-    "services_for_type": lambda api, args: {"services": _of_type(api.world.services(), _text(args, "type"), "srv")},
-    "service_type": lambda api, args: {"type": _named(api.world.services(), _text(args, "service"))},
-    "service_providers": lambda api, args: {"providers": api.world.providers(_text(args, "service"))},
-    "service_node": lambda api, args: {"node": next(iter(api.world.providers(_text(args, "service"))), "")},
+    "topic_type": lambda api, args: {"type": _named(api.client_graph.topics(), _text(args, "topic"))},
+    "services": lambda api, args: {"services": [name for name, _ in api.client_graph.services()]},
+    "services_for_type": lambda api, args: {
+        "services": _of_type(api.client_graph.services(), _text(args, "type"), "srv")
+    },
+    "service_type": lambda api, args: {"type": _named(api.client_graph.services(), _text(args, "service"))},
+    "service_providers": lambda api, args: {"providers": api.client_graph.providers(_text(args, "service"))},
+    "service_node": lambda api, args: {"node": next(iter(api.client_graph.providers(_text(args, "service"))), "")},
     "service_request_details": _details("srv", "_Request"),
     "service_response_details": _details("srv", "_Response"),
-    "action_servers": lambda api, args: {"action_servers": [name for name, _ in api.world.actions()]},
-    "action_type": lambda api, args: {"type": _named(api.world.actions(), _text(args, "action"))},
+    "action_servers": lambda api, args: {"action_servers": [name for name, _ in api.client_graph.actions()]},
+    "action_type": lambda api, args: {"type": _named(api.client_graph.actions(), _text(args, "action"))},
     "action_goal_details": _details("action", "_Goal"),
     "action_result_details": _details("action", "_Result"),
     "action_feedback_details": _details("action", "_Feedback"),
     "message_details": _details("msg"),
-    "nodes": lambda api, args: {"nodes": api.world.nodes()},
+    "nodes": lambda api, args: {"nodes": api.client_graph.nodes()},
     "node_details": _node_details,
-    "publishers": lambda api, args: {"publishers": api.world.publishers(_text(args, "topic"))},
-    "subscribers": lambda api, args: {"subscribers": api.world.subscribers(_text(args, "topic"))},
+    "publishers": lambda api, args: {"publishers": api.client_graph.publishers(_text(args, "topic"))},
+    "subscribers": lambda api, args: {"subscribers": api.client_graph.subscribers(_text(args, "topic"))},
     "get_time": _time,
     "get_ros_version": lambda api, args: {"version": 2, "distro": DISTRO},
 }

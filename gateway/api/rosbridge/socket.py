@@ -11,22 +11,22 @@ from typing import Any
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gateway.api.allow import allow
-from gateway.api.attendance import REVOKED, TOO_MANY, Visit
-from gateway.api.authenticate import plain_protocol
+from gateway.api.authorization import require_permission
+from gateway.api.middleware.authenticate import plain_protocol
+from gateway.api.open_connections import REVOKED, TOO_MANY, OpenConnection
+from gateway.api.robot_access import RobotAccess
 from gateway.api.rosbridge import requests
+from gateway.api.rosbridge.advertised_services import AdvertisedServices
 from gateway.api.rosbridge.calling import Calling, Goals
 from gateway.api.rosbridge.client import Client
-from gateway.api.rosbridge.driving import Wheel
-from gateway.api.rosbridge.offering import Offering
+from gateway.api.rosbridge.driving import DriveLeases
 from gateway.api.rosbridge.protocol import Protocol
 from gateway.api.rosbridge.publishing import Publishing
 from gateway.api.rosbridge.subscriptions import Subscriptions
 from gateway.api.services import services_of
-from gateway.api.visitor import Visitor
-from gateway.api.ws.cut import STALLED, TOO_MUCH, cut, leave_word
-from gateway.api.ws.outlet import take_messages
-from gateway.api.ws.pipe import Pipe
+from gateway.api.ws.close import STALLED, TOO_MUCH, close_socket, set_close_notice
+from gateway.api.ws.send_queue import SendQueue
+from gateway.api.ws.writer import take_messages
 from gateway.errors import TooManyRequestsError
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -40,13 +40,13 @@ LOOKING = replace(LIMITS, rosbridge_message_bytes=LIMITS.socket_message_bytes)
 router = APIRouter()
 
 
-@router.websocket("/rosbridge", dependencies=[allow("telemetry.read")])
+@router.websocket("/rosbridge", dependencies=[require_permission("telemetry.read")])
 async def rosbridge(socket: WebSocket, robot: str | None = None, drive: str = "") -> None:
     """All robots that one sees, each topic behind its robot's id; or the one of `?robot=`, under its own names."""
     await _serve(socket, robot or None, drive)
 
 
-@router.websocket("/rosbridge/{robot_id}", dependencies=[allow("telemetry.read")])
+@router.websocket("/rosbridge/{robot_id}", dependencies=[require_permission("telemetry.read")])
 async def rosbridge_robot(socket: WebSocket, robot_id: str, drive: str = "") -> None:
     """One robot."""
     await _serve(socket, robot_id, drive)
@@ -54,49 +54,49 @@ async def rosbridge_robot(socket: WebSocket, robot_id: str, drive: str = "") -> 
 
 async def _serve(socket: WebSocket, robot: str | None, drive: str) -> None:
     services = services_of(socket)
-    with services.attendance.visit(socket) as visit:
-        visitor = Visitor.of(socket, services, visit, robot=robot)
+    with services.open_connections.track(socket) as connection:
+        access = RobotAccess.of(socket, services, connection, robot=robot)
         await socket.accept(plain_protocol(socket.scope))
-        if services.attendance.full(visit.principal):
+        if services.open_connections.viewers_full(connection.principal):
             await socket.close(TOO_MANY, "too_many")
             return
-        if visitor.may("robots.publish"):
+        if access.may("robots.publish"):
             take_messages(socket, LIMITS.json_bytes)
-        with services.attendance.place(visit.principal):
-            await _Connection(socket, visitor, drive[:HOLDER_CHARS]).run(visit)
+        with services.open_connections.count_viewer(connection.principal):
+            await _Connection(socket, access, drive[:HOLDER_CHARS]).run(connection)
 
 
 class _Connection:
     """A reader of requests, a worker for what is published, a viewer for what is subscribed to."""
 
-    def __init__(self, socket: WebSocket, visitor: Visitor, holder: str) -> None:
-        services = visitor.services
+    def __init__(self, socket: WebSocket, access: RobotAccess, holder: str) -> None:
+        services = access.services
         self._socket = socket
-        self._visitor = visitor
-        self._pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
-        self._protocol = Protocol(limits=LIMITS if visitor.may("robots.publish") else LOOKING)
-        self._client = client = Client(visitor, self._protocol, self._pipe)
-        self._viewer = services.hub.join(self._pipe, on_dropped=self._dropped)
-        self._subscriptions = Subscriptions(visitor, self._viewer, partial(client.status, "warning"))
-        self._wheel = Wheel(visitor, holder) if holder else None
-        self._publishing = Publishing(client, self._wheel)
-        self._offering = Offering(client)
+        self._access = access
+        self._send_queue = SendQueue(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
+        self._protocol = Protocol(limits=LIMITS if access.may("robots.publish") else LOOKING)
+        self._client = client = Client(access, self._protocol, self._send_queue)
+        self._viewer = services.hub.join(self._send_queue, on_dropped=self._dropped)
+        self._subscriptions = Subscriptions(access, self._viewer, partial(client.status, "warning"))
+        self._drive_leases = DriveLeases(access, holder) if holder else None
+        self._publishing = Publishing(client, self._drive_leases)
+        self._advertised_services = AdvertisedServices(client)
         self._handlers = self._table(Calling(client), Goals(client))
         for _, text in Protocol().fault(TooManyRequestsError(TOO_MUCH, retry_after_s=1.0)):
-            leave_word(socket, text.decode())
+            set_close_notice(socket, text.decode())
 
-    async def run(self, visit: Visit) -> None:
+    async def run(self, connection: OpenConnection) -> None:
         """Serve until either side ends it."""
-        over, stalled = asyncio.create_task(visit.over.wait()), asyncio.create_task(self._pipe.stalled())
+        over, stalled = asyncio.create_task(connection.revoked.wait()), asyncio.create_task(self._send_queue.stalled())
         tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._publishing.run()), over, stalled]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
             if over in done:
-                await cut(self._socket, REVOKED, "bad_credentials")
+                await close_socket(self._socket, REVOKED, "bad_credentials")
             elif stalled in done:
-                await cut(self._socket, STALLED, "stalled")
+                await close_socket(self._socket, STALLED, "stalled")
         except (WebSocketDisconnect, RuntimeError):
             return
         finally:
@@ -107,16 +107,16 @@ class _Connection:
         for task in tasks:
             task.cancel()
         self._viewer.close()
-        self._pipe.close()
-        self._offering.close()
-        if self._wheel is not None:
-            await asyncio.shield(self._wheel.close())
+        self._send_queue.close()
+        self._advertised_services.close()
+        if self._drive_leases is not None:
+            await asyncio.shield(self._drive_leases.close())
         await self._client.close()
         await asyncio.gather(*tasks, return_exceptions=True)
-        self._visitor.close()
+        self._access.close()
 
     async def _read(self) -> None:
-        clock = self._visitor.services.clock
+        clock = self._access.services.clock
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
@@ -137,7 +137,11 @@ class _Connection:
         self._subscriptions.on_dropped(number, lost, total)
 
     def _table(self, calling: Calling, goals: Goals) -> dict[type[requests.Request], Callable[[Any], None]]:
-        subscriptions, offering, publishing = self._subscriptions, self._offering, self._publishing
+        subscriptions, advertised_services, publishing = (
+            self._subscriptions,
+            self._advertised_services,
+            self._publishing,
+        )
         return {
             requests.Advertise: publishing.put,
             requests.Publish: publishing.put,
@@ -147,9 +151,9 @@ class _Connection:
             requests.CallService: calling.call,
             requests.SendGoal: goals.send,
             requests.CancelGoal: goals.cancel,
-            requests.Offer: offering.advertise,
-            requests.Unoffer: offering.unadvertise,
-            requests.ServiceResponse: offering.on_response,
-            requests.ActionFeedback: offering.on_feedback,
-            requests.ActionResult: offering.on_result,
+            requests.Offer: advertised_services.advertise,
+            requests.Unoffer: advertised_services.unadvertise,
+            requests.ServiceResponse: advertised_services.on_response,
+            requests.ActionFeedback: advertised_services.on_feedback,
+            requests.ActionResult: advertised_services.on_result,
         }

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from itertools import count
 
+from gateway.api.robot_access import RobotAccess
 from gateway.api.rosbridge.dialect import fault_of
 from gateway.api.rosbridge.encodings import encoding_of
 from gateway.api.rosbridge.requests import COMPRESSIONS, Shape, Subscribe
-from gateway.api.visitor import Visitor
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError, TooManyError
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.types import full_type_name
 from gateway.live.encoding import Block, Encoding
 from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
@@ -63,8 +63,8 @@ def merged(wanted: Iterable[Subscribe]) -> tuple[float, int, Shape]:
 class Subscriptions:
     """Of one client."""
 
-    def __init__(self, visitor: Visitor, viewer: Viewer, warn: Warn) -> None:
-        self._visitor = visitor
+    def __init__(self, access: RobotAccess, viewer: Viewer, warn: Warn) -> None:
+        self._access = access
         self._viewer = viewer
         self._warn = warn
         self._numbers = count(1)
@@ -83,7 +83,7 @@ class Subscriptions:
         if request.type_name:
             self._check_type(request.topic, full_type_name(request.type_name, "msg"))
         else:
-            self._visitor.find_topic(request.topic)
+            self._access.find_topic(request.topic)
         known = self._wanted.get(request.topic, {})
         if request.id not in known and sum(map(len, self._wanted.values())) >= LIMITS.subscriptions_per_viewer:
             raise TooManyError(f"a client has at most {LIMITS.subscriptions_per_viewer} subscriptions")
@@ -136,7 +136,7 @@ class Subscriptions:
 
     def _wants(self, topic: str, shape: Shape) -> Callable[[Channel], bool]:
         """Asked once per channel: the topic's, of its type, and of a kind that can be shown."""
-        names = self._visitor.names
+        names = self._access.names
         types = {full_type_name(item.type_name, "msg") for item in self._wanted[topic].values() if item.type_name}
 
         def wants(channel: Channel) -> bool:
@@ -144,7 +144,7 @@ class Subscriptions:
                 return False
             if (channel.robot, channel.topic) not in names.candidates(topic):
                 return False
-            _, likelier = self._visitor.find_topic(topic)
+            _, likelier = self._access.find_topic(topic)
             if likelier is not None and likelier.topic != channel.topic:  # two of the robot have one name in the fleet
                 return False
             if types and channel.schema_name not in types:
@@ -157,6 +157,6 @@ class Subscriptions:
         return wants
 
     def _check_type(self, topic: str, type_name: str) -> None:
-        _, channel = self._visitor.find_topic(topic)
+        _, channel = self._access.find_topic(topic)
         if channel is not None and channel.schema_name != type_name:
             raise InvalidRequestError(f"{topic} has type {channel.schema_name}, and you say {type_name}")

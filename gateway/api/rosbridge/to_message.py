@@ -1,4 +1,4 @@
-"""Values that rosbridge clients send, made messages: base64 or lists for bytes, ROS 1's times, stamps filled. Pure.
+"""Messages from the values that rosbridge clients send: base64 or lists for bytes, ROS 1's times, stamps filled. Pure.
 
 What is left out has its default. A header without a stamp gets the time now, as with rosbridge; so does a message
 whose header is left out altogether.
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.api.rosbridge.outward import BYTES
+from gateway.api.rosbridge.from_message import BYTES
 from metaros.errors import FieldError
 from metaros.idl.classes import Message, message_class
 from metaros.idl.definitions import Field, FieldType

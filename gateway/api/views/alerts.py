@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gateway.alerts.links import alert_path
-from gateway.api.views import rfc3339
+from gateway.alerting.alerts.links import alert_path
+from gateway.alerting.watch.rows import BandPoint, CheckRow, SeriesWatch
+from gateway.api.views.robots import rfc3339
 from gateway.domain.alert import Alert, Evidence, Remark, Silence
-from gateway.watch.rows import BandPoint, CheckRow, SeriesWatch
 
 __all__ = [
     "alert_detail_view",
@@ -68,7 +68,7 @@ def alert_detail_view(alert: Alert, remarks: Iterable[Remark]) -> dict[str, Any]
 
 
 def counts_view(counts: Mapping[str, Any]) -> dict[str, int]:
-    """The desk's counts in one row; `open` are those that are not resolved and not quiet."""
+    """The counts of alerts in one row; `open` are those that are not resolved and not quiet."""
     loud = counts["severities"]
     return {"open": sum(loud.values()), "acknowledged": counts["acknowledged"], "quiet": counts["quiet"], **loud}
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from gateway.alerts.causes import title_of
-from gateway.api.views import rfc3339
-from gateway.backtest import Fired, Report, SeriesReport, Would
+from gateway.alerting.alerts.causes import title_of
+from gateway.alerting.backtest import Fired, Report, SeriesReport, SimulatedAlert
+from gateway.api.views.robots import rfc3339
 
 __all__ = ["backtest_view"]
 
@@ -43,7 +43,7 @@ def _finding(item: Fired) -> dict[str, Any]:
     }
 
 
-def _alert(item: Would) -> dict[str, Any]:
+def _alert(item: SimulatedAlert) -> dict[str, Any]:
     return {
         "cause": item.cause,
         "severity": item.severity,

@@ -9,15 +9,15 @@ from typing import Any
 
 import orjson
 
-from gateway.api.views import rfc3339
-from gateway.domain.canary import Canary
-from gateway.domain.delivery import Delivery
-from gateway.domain.invocation import Recorded
-from gateway.functions.directory import EventInvoke, MappingRow
-from gateway.functions.invoker import Invoked
-from gateway.functions.logs import LogLine
-from gateway.functions.meters import Stats
-from metaros.functions.calls import Outcome
+from gateway.api.views.robots import rfc3339
+from gateway.automation.functions.directory import EventInvoke, MappingRow
+from gateway.automation.functions.invoker import Invoked
+from gateway.automation.functions.logs import LogLine
+from gateway.automation.functions.meters import Stats
+from gateway.domain.automation.canary import Canary
+from gateway.domain.automation.delivery import Delivery
+from gateway.domain.automation.invocation import Recorded
+from metaros.automation.functions.calls import Outcome
 
 __all__ = [
     "alias_view",
@@ -162,7 +162,7 @@ def dead_letter_view(delivery: Delivery, *, payload_bytes: int | None = None) ->
         "id": delivery.id,
         "kind": put.kind,
         "target": put.target,
-        "happening": put.happening,
+        "happening": put.event_id,
         "robot": put.robot,
         "code": delivery.code,
         "message": delivery.message,

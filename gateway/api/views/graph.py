@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.api.views import rfc3339
-from gateway.fleet.goal import Goal, GoalEvent
-from gateway.fleet.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
+from gateway.api.views.robots import rfc3339
+from gateway.fleet.ros.goal import Goal, GoalEvent
+from gateway.fleet.ros.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
 
 __all__ = ["action_view", "endpoint_view", "goal_event_view", "goal_view", "graph_view", "service_view"]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.api.views import rfc3339
-from gateway.store.history import StoredTopic
+from gateway.api.views.robots import rfc3339
+from gateway.store.telemetry.history import StoredTopic
 
 __all__ = ["compact_time", "history_view"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.api.views import rfc3339
+from gateway.api.views.robots import rfc3339
 from gateway.domain.account import ApiKey, User
 from gateway.domain.principal import Principal
 from gateway.identity.keys import NewKey

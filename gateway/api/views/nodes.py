@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.api.problem import error_code
-from gateway.api.views import rfc3339
-from gateway.api.views_twin import outcome_view
-from gateway.domain.node import Difference, NodeState
-from gateway.domain.parameter import Bounds
-from gateway.fleet.node_logs import LogPage
-from gateway.fleet.node_values import Lifecycle, Parameter
-from gateway.fleet.node_verbs import Result
-from gateway.fleet.nodes import RobotNodes
-from metaros.twin.document import NodeWanted
+from gateway.api.views.robots import rfc3339
+from gateway.api.views.twin import outcome_view
+from gateway.domain.fleet.node import Difference, NodeState
+from gateway.domain.fleet.parameter import Bounds
+from gateway.fleet.nodes.logs import LogPage
+from gateway.fleet.nodes.manager import RobotNodes
+from gateway.fleet.nodes.values import Lifecycle, Parameter
+from gateway.fleet.nodes.verbs import Result
+from metaros.fleet.twin.document import NodeSpec
 
 __all__ = [
     "crash_view",
@@ -69,8 +69,8 @@ def result_view(item: Result) -> dict[str, Any]:
     edited = outcome_view(item.edited, dry_run=item.dry_run) if item.edited is not None else None
     return {
         "robot": item.robot,
-        "node": item.deed.node,
-        "verb": item.deed.verb,
+        "node": item.action.node,
+        "verb": item.action.verb,
         "dry_run": item.dry_run,
         "outcome": item.outcome,
         "told": item.told,
@@ -86,8 +86,8 @@ def results_view(items: Sequence[Result]) -> dict[str, Any]:
     """The same of a group."""
     first = items[0]
     return {
-        "verb": first.deed.verb,
-        "node": first.deed.node,
+        "verb": first.action.verb,
+        "node": first.action.node,
         "dry_run": first.dry_run,
         "robots": len(items),
         "done": sum(1 for item in items if item.outcome == "done"),
@@ -145,7 +145,7 @@ def lifecycle_view(robot: str, node: str, item: Lifecycle) -> dict[str, Any]:
     }
 
 
-def _row(item: Difference | NodeWanted) -> dict[str, Any]:
+def _row(item: Difference | NodeSpec) -> dict[str, Any]:
     """Its fields as they are; dataclasses.asdict copies them deeply, and a fleet has very many."""
     return {name: getattr(item, name) for name in item.__slots__}
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.alerts.notices.feature import Delivery, RouteState
-from gateway.api.views import rfc3339
+from gateway.alerting.alerts.notices.service import Delivery, RouteState
+from gateway.api.views.robots import rfc3339
 
 __all__ = ["delivery_view", "route_view"]
 

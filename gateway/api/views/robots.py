@@ -8,12 +8,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 from gateway.domain.channel import METRIC_STREAM
-from gateway.domain.lease import Lease
-from gateway.domain.recording import plain_time
+from gateway.domain.fleet.lease import Lease
+from gateway.domain.fleet.recording import plain_time
 from gateway.domain.sample import Gap
 from gateway.ingest.registry import ChannelState, RobotRecord
-from gateway.store.query import SeriesFacts, StoredGap
-from gateway.store.series import DAMAGED, SeriesRange
+from gateway.store.telemetry.query import SeriesFacts, StoredGap
+from gateway.store.telemetry.series import DAMAGED, SeriesRange
 from metaros._proto import link_pb2
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 

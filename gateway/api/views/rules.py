@@ -7,13 +7,13 @@ from typing import Any
 
 import orjson
 
-from gateway.api.hook_place import PREFIX
-from gateway.api.views import rfc3339
-from gateway.domain.happening import WEBHOOK
-from gateway.domain.rule import Hook, NextFire, RuleEntry, RuleStats, StoredRule
-from gateway.outbound.webhook import Webhook
-from gateway.rules.dry_run import DryRun
-from gateway.rules.rule import Rule
+from gateway.api.views.robots import rfc3339
+from gateway.api.webhook_path import PREFIX
+from gateway.automation.outbound.webhook import Webhook
+from gateway.automation.rules.dry_run import DryRun
+from gateway.automation.rules.rule import Rule
+from gateway.domain.automation.gateway_event import WEBHOOK
+from gateway.domain.automation.rule import Hook, NextFire, RuleEntry, RuleStats, StoredRule
 
 __all__ = ["document_view", "dry_run_view", "entry_view", "hook_view", "rule_view", "schedule_view"]
 
@@ -115,7 +115,7 @@ def dry_run_view(done: DryRun) -> dict[str, Any]:
         "firings": [
             {
                 "at": rfc3339(one.at_ns),
-                "happening": one.happening,
+                "happening": one.event_id,
                 "type": one.type,
                 "robot": one.robot,
                 "group": one.group,

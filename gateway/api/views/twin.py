@@ -7,13 +7,13 @@ from typing import Any
 
 import orjson
 
-from gateway.api.views import rfc3339
-from gateway.domain.twin import Template, TemplateEntry, TwinEntry
-from gateway.fleet.twin_book import reported_values
-from gateway.fleet.twin_plan import Outcome
-from gateway.fleet.twins import TwinState
+from gateway.api.views.robots import rfc3339
+from gateway.domain.fleet.twin import Template, TemplateEntry, TwinEntry
+from gateway.fleet.twins.cache import reported_values
+from gateway.fleet.twins.manager import TwinState
+from gateway.fleet.twins.plan import Outcome
+from metaros.fleet.twin import Change, canonical, diff, read
 from metaros.limits import LIMITS
-from metaros.twin import Change, canonical, diff, read
 
 __all__ = [
     "brief_view",

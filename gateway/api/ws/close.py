@@ -1,4 +1,4 @@
-"""Ending a socket whose client takes nothing: the one place that reaches behind ASGI into uvicorn.
+"""Closes a WebSocket, also one whose client reads nothing: this reaches behind ASGI into uvicorn.
 
 An ASGI send waits until the client has read; so a close frame never leaves for a client that reads nothing, and the
 connection would linger with its buffers. With uvicorn's protocol object the close frame is queued at once and the
@@ -16,17 +16,17 @@ from typing import Any
 from starlette.types import Scope
 from starlette.websockets import WebSocket
 
-from gateway.api.guard import PROTOCOL_KEY
+from gateway.api.middleware.guard import PROTOCOL_KEY
 from metaros.limits import LIMITS
 
-__all__ = ["STALLED", "TOO_MUCH", "cut", "leave_word"]
+__all__ = ["STALLED", "TOO_MUCH", "close_socket", "set_close_notice"]
 
 STALLED = 4408
 GRACE_S = 1.0
 TOO_MUCH = f"you send more than {LIMITS.socket_frames_per_s:g} frames or 1 MiB a second: this socket ends"
 
 
-async def cut(socket: WebSocket, code: int, reason: str) -> None:
+async def close_socket(socket: WebSocket, code: int, reason: str) -> None:
     """Close with `code`; drop the connection when that does not get through."""
     protocol = _protocol(socket.scope)
     if protocol is None:
@@ -41,11 +41,11 @@ async def cut(socket: WebSocket, code: int, reason: str) -> None:
     asyncio.get_running_loop().call_later(GRACE_S, _drop, protocol.transport)
 
 
-def leave_word(socket: WebSocket, text: str) -> None:
-    """What the client is told, in its protocol, right before it is shown out because it sends too much."""
+def set_close_notice(socket: WebSocket, text: str) -> None:
+    """Set the message that the client gets, in its protocol, right before it is closed because it sends too much."""
     protocol: Any = socket.scope.get(PROTOCOL_KEY)
-    if hasattr(protocol, "last_words"):
-        protocol.last_words = text
+    if hasattr(protocol, "close_notice"):
+        protocol.close_notice = text
 
 
 def _drop(transport: asyncio.Transport) -> None:

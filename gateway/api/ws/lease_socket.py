@@ -1,4 +1,4 @@
-"""One holder's socket: take, use, stop, release. A closed socket stops the robot and gives the lease back."""
+"""A lease holder's WebSocket: take, use, stop, release. A closed socket stops the robot and gives the lease back."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ from typing import Any, Protocol
 import orjson
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gateway.api.attendance import REVOKED
-from gateway.api.authenticate import plain_protocol
+from gateway.api.middleware.authenticate import plain_protocol
+from gateway.api.open_connections import REVOKED
 from gateway.api.problem import error_code
 from gateway.api.services import services_of
-from gateway.api.ws.cut import cut
+from gateway.api.ws.close import close_socket
 from gateway.api.ws.requests import read_request, text_field
 from gateway.errors import InvalidRequestError, LeaseTakenError
-from gateway.fleet.lease_desk import Drive
+from gateway.fleet.lease_manager import HeldLease
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
-__all__ = ["Desk", "LeaseSocket", "serve"]
+__all__ = ["LeaseManager", "LeaseSocket", "serve"]
 
 
-class Desk(Protocol):
-    """What a LeaseSocket needs of its LeaseDesk."""
+class LeaseManager(Protocol):
+    """What a LeaseSocket needs of a lease manager."""
 
-    async def take(self, robot_id: str, holder: str) -> Drive:
+    async def take(self, robot_id: str, holder: str) -> HeldLease:
         """LeaseTakenError, RobotError."""
 
-    def stop(self, drive: Drive) -> None:
+    def stop(self, drive: HeldLease) -> None:
         """End what is under way."""
 
-    async def release(self, drive: Drive) -> None:
+    async def release(self, drive: HeldLease) -> None:
         """Stop, and give the lease back."""
 
 
 class LeaseSocket(ABC):
-    """The shell around a Drive; what is sent under the lease is its subclass's."""
+    """The WebSocket side of a held lease; what is sent under the lease is its subclass's."""
 
-    def __init__(self, socket: WebSocket, desk: Desk, robot_id: str) -> None:
+    def __init__(self, socket: WebSocket, manager: LeaseManager, robot_id: str) -> None:
         self._socket = socket
-        self._desk = desk
+        self._manager = manager
         self._robot = robot_id
-        self._drive: Drive | None = None
+        self._drive: HeldLease | None = None
         self._watcher: asyncio.Task[None] | None = None
 
     async def run(self) -> None:
@@ -80,7 +80,7 @@ class LeaseSocket(ABC):
             if op == "take":
                 await self._take(request)
             elif op == "stop":
-                self._desk.stop(self._held())
+                self._manager.stop(self._held())
             elif op == "release":
                 await self._end()
                 await self._say({"op": "released"})
@@ -98,17 +98,17 @@ class LeaseSocket(ABC):
         if self._drive is not None:
             raise InvalidRequestError("this socket holds the lease already")
         self._check_take(request)
-        drive = self._drive = await self._desk.take(self._robot, text_field(request, "holder"))
+        drive = self._drive = await self._manager.take(self._robot, text_field(request, "holder"))
         self._watcher = asyncio.create_task(self._watch(drive))
         granted = {"op": "granted", "lease_id": drive.lease_id, "expires_in_s": LIMITS.lease_s, "topic": drive.topic}
         await self._say(granted)
 
-    def _held(self) -> Drive:
+    def _held(self) -> HeldLease:
         if self._drive is None:
             raise InvalidRequestError("take the lease first")
         return self._drive
 
-    async def _watch(self, drive: Drive) -> None:
+    async def _watch(self, drive: HeldLease) -> None:
         """Tell the holder at once when the robot's link goes."""
         await drive.gone.wait()
         if self._drive is drive:
@@ -125,7 +125,7 @@ class LeaseSocket(ABC):
             self._watcher.cancel()
             self._watcher = None
         if drive is not None:
-            await self._desk.release(drive)
+            await self._manager.release(drive)
 
     async def _say(self, reply: dict[str, Any]) -> None:
         async with asyncio.timeout(LIMITS.viewer_stall_s):
@@ -135,13 +135,13 @@ class LeaseSocket(ABC):
 async def serve(socket: WebSocket, shell: LeaseSocket) -> None:
     """Serve one holder's connection for as long as they may be here."""
     await socket.accept(plain_protocol(socket.scope))
-    with services_of(socket).attendance.visit(socket) as visit:
-        using, over = asyncio.create_task(shell.run()), asyncio.create_task(visit.over.wait())
+    with services_of(socket).open_connections.track(socket) as connection:
+        using, over = asyncio.create_task(shell.run()), asyncio.create_task(connection.revoked.wait())
         try:
             await asyncio.wait({using, over}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             using.cancel()  # whatever the end, it stops the robot and gives the lease back
             over.cancel()
             await asyncio.gather(using, over, return_exceptions=True)
-        if visit.over.is_set():
-            await cut(socket, REVOKED, "bad_credentials")
+        if connection.revoked.is_set():
+            await close_socket(socket, REVOKED, "bad_credentials")

@@ -8,13 +8,13 @@ from fastapi import APIRouter
 from google.protobuf.message import DecodeError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gateway.api.allow import allow
-from gateway.api.authenticate import is_local
-from gateway.api.rate import address_of
+from gateway.api.authorization import require_permission
+from gateway.api.middleware.authenticate import is_local
+from gateway.api.middleware.rate import address_of
 from gateway.api.services import services_of
-from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.close import STALLED, close_socket
 from gateway.domain.identity import Peer
-from gateway.ingest.lane_shell import LaneGoneError, serve_lane
+from gateway.ingest.lane_server import LaneGoneError, serve_lane
 from metaros._proto import link_pb2
 
 __all__ = ["SUBPROTOCOL", "router"]
@@ -25,7 +25,7 @@ NORMAL, UNSUPPORTED, INVALID = 1000, 1003, 1007
 router = APIRouter()
 
 
-@router.websocket("/api/v1/link", dependencies=[allow("agent.link")])
+@router.websocket("/api/v1/link", dependencies=[require_permission("agent.link")])
 async def link(socket: WebSocket) -> None:
     """One lane of an agent."""
     if SUBPROTOCOL not in socket.scope["subprotocols"]:
@@ -38,7 +38,7 @@ async def link(socket: WebSocket) -> None:
     if lane.gone:
         return
     if not finished:
-        await cut(socket, STALLED, "stalled")
+        await close_socket(socket, STALLED, "stalled")
         return
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # it went in this very moment
         await socket.close(lane.code, lane.reason)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gateway.api.ws.pipe import BINARY, TEXT, frame
+from gateway.api.ws.send_queue import BINARY, TEXT, frame
 from gateway.domain.records import record_parts
 from gateway.live.encoding import Block, View
 from gateway.live.json_view import json_view

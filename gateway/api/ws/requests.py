@@ -13,7 +13,7 @@ from gateway.domain.channel import Channel
 from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
 from gateway.live.feeds import FleetSubscription, MetricSubscription
-from gateway.live.scope import RobotPattern, SeenRobots, matching
+from gateway.live.scope import RobotPattern, VisibleRobots, matching
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
@@ -123,7 +123,7 @@ def text_field(request: Mapping[str, Any], name: str) -> str:
 
 def _robots(request: Mapping[str, Any], principal: Principal) -> RobotPattern:
     pattern = Glob(text_field(request, "robots"))
-    return pattern if principal.sees_all else SeenRobots(pattern, principal.sees)
+    return pattern if principal.sees_all else VisibleRobots(pattern, principal.sees)
 
 
 def _seen(revisions: Mapping[str, int], principal: Principal) -> Mapping[str, int]:

@@ -1,4 +1,4 @@
-"""Going on where a viewer was: what was stored since, then live, without a gap between and nothing twice.
+"""Resumes a viewer's subscription: what was stored since, then live, without a gap between and nothing twice.
 
 While the stored samples go out, as fast as the client takes them, live ones wait beside them, bounded like any other
 subscription's queue. What is not stored, and what the store knows to be lost, is said.
@@ -11,11 +11,11 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.api.ws.pipe import Pipe
+from gateway.api.ws.send_queue import SendQueue
 from gateway.domain.records import Record
 from gateway.errors import InvalidRequestError
 from gateway.history.cursor import read_cursor
-from gateway.history.losses import Loss, folded
+from gateway.history.losses import Loss, merged_losses
 from gateway.history.pages import Page, PageRequest
 from gateway.live.encoding import Block, Encoding
 from gateway.live.hub import Hub
@@ -23,7 +23,7 @@ from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
 from metaros.errors import MetarosError
 
-__all__ = ["MAX_RESUMED", "Filling", "Resumed", "read_resume"]
+__all__ = ["MAX_RESUMED", "Resumed", "Resumption", "read_resume"]
 
 MAX_RESUMED = 64  # topics of one subscription
 PAGE = 256  # messages that are read and written at a time
@@ -44,10 +44,10 @@ class Resumed:
 
 
 class _Closed:
-    """A sink that takes nothing."""
+    """A sink that accepts nothing."""
 
     on_full: Callable[[], None] | None = None
-    on_room: Callable[[], None] | None = None
+    on_drained: Callable[[], None] | None = None
 
     def ready(self) -> bool:
         """Never."""
@@ -83,12 +83,14 @@ def _stamp(value: Any, problem: str) -> int:
     return value
 
 
-class Filling:
+class Resumption:
     """One subscription that goes on; `run` is a task, and ends with the subscription as any other on the viewer."""
 
-    def __init__(self, hub: Hub, viewer: Viewer, pipe: Pipe, live: TopicSubscription, *, read: Read, say: Say) -> None:
+    def __init__(
+        self, hub: Hub, viewer: Viewer, send_queue: SendQueue, live: TopicSubscription, *, read: Read, say: Say
+    ) -> None:
         self._viewer = viewer
-        self._pipe = pipe
+        self._send_queue = send_queue
         self._live = live
         self._read = read
         self._say = say
@@ -141,7 +143,7 @@ class Filling:
                 "robot": item.robot,
                 "topic": item.topic,
                 "count": count,
-                "gaps": [_gap(loss) for loss in folded(losses)],
+                "gaps": [_gap(loss) for loss in merged_losses(losses)],
             }
         )
 
@@ -153,8 +155,8 @@ class Filling:
                 continue
             record = Record(message.seq, message.stamp_ns, message.receive_ns, message.payload)
             data = await _encoded(self._live.encoding(channel), Block(channel, [record]))
-            await self._pipe.room()
-            self._pipe.write(data)
+            await self._send_queue.drain()
+            self._send_queue.write(data)
             self._last_ns[item.robot, item.topic] = message.stamp_ns
             count += 1
         return count

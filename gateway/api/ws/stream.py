@@ -11,16 +11,16 @@ import orjson
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gateway.api.allow import allow
-from gateway.api.attendance import REVOKED, TOO_MANY, Visit
-from gateway.api.authenticate import plain_protocol
+from gateway.api.authorization import require_permission
+from gateway.api.middleware.authenticate import plain_protocol
+from gateway.api.open_connections import REVOKED, TOO_MANY, OpenConnection
 from gateway.api.problem import error_code
 from gateway.api.services import Services, services_of
-from gateway.api.ws.cut import STALLED, cut
-from gateway.api.ws.pipe import Pipe
+from gateway.api.ws.close import STALLED, close_socket
 from gateway.api.ws.records import BinaryRecords, JsonMessages
 from gateway.api.ws.requests import SamplesRequest, make_feed, number_of, read_request, read_samples
-from gateway.api.ws.resume import Filling
+from gateway.api.ws.resume import Resumption
+from gateway.api.ws.send_queue import SendQueue
 from gateway.domain.channel import Channel
 from gateway.domain.records import introduction
 from gateway.errors import ForbiddenError, InvalidRequestError, TooManyError
@@ -39,31 +39,31 @@ log = logging.getLogger(__name__)
 router = APIRouter()
 
 
-@router.websocket("/api/v1/stream", dependencies=[allow("telemetry.read")])
+@router.websocket("/api/v1/stream", dependencies=[require_permission("telemetry.read")])
 async def stream(socket: WebSocket) -> None:
     """One viewer's connection, until it goes or stalls."""
     services = services_of(socket)
     await socket.accept(plain_protocol(socket.scope))
-    attendance = services.attendance
-    with attendance.visit(socket) as visit:
-        if attendance.full(visit.principal):
+    open_connections = services.open_connections
+    with open_connections.track(socket) as connection:
+        if open_connections.viewers_full(connection.principal):
             await socket.close(TOO_MANY, "too_many")
             return
-        with attendance.place(visit.principal):
-            await _Connection(socket, services, visit).run()
+        with open_connections.count_viewer(connection.principal):
+            await _Connection(socket, services, connection).run()
 
 
 class _Connection:
     """A reader of requests, a viewer for samples, and a paced sender of what is JSON anyway."""
 
-    def __init__(self, socket: WebSocket, services: Services, visit: Visit) -> None:
+    def __init__(self, socket: WebSocket, services: Services, connection: OpenConnection) -> None:
         self._socket = socket
         self._services = services
-        self._visit = visit
-        self._pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
-        self._viewer = services.hub.join(self._pipe, on_dropped=self._dropped)
+        self._connection = connection
+        self._send_queue = SendQueue(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
+        self._viewer = services.hub.join(self._send_queue, on_dropped=self._dropped)
         self._feeds, self._wake = Feeds(), asyncio.Event()
-        self._fillings: dict[int, asyncio.Task[None]] = {}
+        self._resumptions: dict[int, asyncio.Task[None]] = {}
         self._introduced: dict[Identity, int] = {}
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "subscribe": self._subscribe,
@@ -76,23 +76,26 @@ class _Connection:
         """Serve until either side ends it."""
         unfeed = self._services.hub.feed(self._feeds, self._wake.set)
         self._say(self._welcome())
-        over, stalled = asyncio.create_task(self._visit.over.wait()), asyncio.create_task(self._pipe.stalled())
+        over, stalled = (
+            asyncio.create_task(self._connection.revoked.wait()),
+            asyncio.create_task(self._send_queue.stalled()),
+        )
         tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._send_feeds()), over, stalled]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
             if over in done:
-                await cut(self._socket, REVOKED, "bad_credentials")
+                await close_socket(self._socket, REVOKED, "bad_credentials")
             elif stalled in done:
-                await cut(self._socket, STALLED, "stalled")
+                await close_socket(self._socket, STALLED, "stalled")
         except (WebSocketDisconnect, RuntimeError):
             return
         finally:
             self._viewer.close()
-            self._pipe.close()
+            self._send_queue.close()
             unfeed()
-            tasks += self._fillings.values()
+            tasks += self._resumptions.values()
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -118,7 +121,7 @@ class _Connection:
             self._say({"op": "error", "id": shown, "code": error_code(error), "message": str(error)[:500]})
 
     def _subscribe(self, request: dict[str, Any]) -> None:
-        asked = read_samples(request, self._visit.principal)
+        asked = read_samples(request, self._connection.principal)
         self._check_number(asked.number)
         subscription = TopicSubscription(
             asked.number,
@@ -135,18 +138,18 @@ class _Connection:
 
     def _resume(self, subscription: TopicSubscription, asked: SamplesRequest) -> None:
         """What is stored first, by a task that ends in the live subscription."""
-        if not permission("history.read").granted(self._visit.principal):
+        if not permission("history.read").granted(self._connection.principal):
             raise ForbiddenError("history.read is needed to resume")
         services = self._services
-        filling = Filling(
-            services.hub, self._viewer, self._pipe, subscription, read=services.history.read, say=self._say
+        resumption = Resumption(
+            services.hub, self._viewer, self._send_queue, subscription, read=services.history.read, say=self._say
         )
-        task = asyncio.create_task(filling.run(list(asked.resume), services.clock.wall_ns))
-        self._fillings[asked.number] = task
+        task = asyncio.create_task(resumption.run(list(asked.resume), services.clock.wall_ns))
+        self._resumptions[asked.number] = task
         task.add_done_callback(lambda _: self._filled(asked.number))
 
     def _filled(self, number: int) -> None:
-        task = self._fillings.pop(number, None)
+        task = self._resumptions.pop(number, None)
         if task is not None and not task.cancelled() and (error := task.exception()) is not None:
             log.error("a resumed subscription failed", exc_info=error)
 
@@ -164,7 +167,7 @@ class _Connection:
             request,
             revisions=lambda: {record.robot.id: record.revision for record in services.registry.all()},
             describe=services.describe,
-            principal=self._visit.principal,
+            principal=self._connection.principal,
         )
         self._check_number(subscription.number)
         self._feeds.add(subscription)
@@ -175,17 +178,17 @@ class _Connection:
 
     def _check_number(self, number: int) -> None:
         topics = self._viewer.topics
-        if len(topics) + len(self._feeds) + len(self._fillings) >= LIMITS.subscriptions_per_viewer:
+        if len(topics) + len(self._feeds) + len(self._resumptions) >= LIMITS.subscriptions_per_viewer:
             raise TooManyError(f"a connection has at most {LIMITS.subscriptions_per_viewer} subscriptions")
-        if number in self._feeds or number in self._fillings or any(item.number == number for item in topics):
+        if number in self._feeds or number in self._resumptions or any(item.number == number for item in topics):
             raise InvalidRequestError(f"id {number} is in use on this connection")
 
     def _unsubscribe(self, request: dict[str, Any]) -> None:
         number = number_of(request)
         if number in self._feeds:
             self._feeds.remove(number)
-        elif number in self._fillings:
-            self._fillings.pop(number).cancel()
+        elif number in self._resumptions:
+            self._resumptions.pop(number).cancel()
         else:
             self._viewer.unsubscribe(number)
 
@@ -194,7 +197,7 @@ class _Connection:
         clock = self._services.clock
         while True:
             await self._pause()
-            await self._pipe.room()
+            await self._send_queue.drain()
             self._wake.clear()
             for message in self._feeds.take(clock.monotonic_s()):
                 self._say(message)
@@ -218,7 +221,7 @@ class _Connection:
         self._say({"op": "dropped", "id": number, "count": count, "total": total})
 
     def _say(self, message: dict[str, Any]) -> None:
-        self._pipe.text(orjson.dumps(message))
+        self._send_queue.text(orjson.dumps(message))
 
     def _welcome(self) -> dict[str, Any]:
         return {

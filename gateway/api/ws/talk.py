@@ -1,4 +1,4 @@
-"""Talking over a socket: take, packets of sound as binary messages, stop, release. A closed socket is silence."""
+"""Talking through a robot over a WebSocket: take, audio packets as binary messages, stop, release; closing it stops."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any, Final
 from fastapi import APIRouter
 from starlette.websockets import WebSocket
 
-from gateway.api.allow import allow
+from gateway.api.authorization import require_permission
 from gateway.api.services import services_of
 from gateway.api.ws.lease_socket import LeaseSocket, serve
 from gateway.api.ws.requests import number_field, text_field
 from gateway.errors import InvalidRequestError
-from gateway.fleet.talk import CODECS, SAMPLE_RATES, TalkDesk
+from gateway.fleet.talk import CODECS, SAMPLE_RATES, TalkManager
 
 __all__ = ["router"]
 
@@ -21,18 +21,18 @@ ACK_EVERY: Final = 10  # packets: five times a second
 router = APIRouter()
 
 
-@router.websocket("/api/v1/robots/{robot_id}/talk", dependencies=[allow("robots.talk")])
+@router.websocket("/api/v1/robots/{robot_id}/talk", dependencies=[require_permission("robots.talk")])
 async def talk(socket: WebSocket, robot_id: str) -> None:
     """One talker's connection."""
-    await serve(socket, _Voice(socket, services_of(socket).talk, robot_id))
+    await serve(socket, _TalkSocket(socket, services_of(socket).talk, robot_id))
 
 
-class _Voice(LeaseSocket):
+class _TalkSocket(LeaseSocket):
     """One talker. Packets after the lease was lost are dropped until it is taken again: they were on their way."""
 
-    def __init__(self, socket: WebSocket, desk: TalkDesk, robot_id: str) -> None:
-        super().__init__(socket, desk, robot_id)
-        self._talk = desk
+    def __init__(self, socket: WebSocket, manager: TalkManager, robot_id: str) -> None:
+        super().__init__(socket, manager, robot_id)
+        self._talk = manager
         self._codec = ""
         self._sample_rate = 0
         self._packets = 0

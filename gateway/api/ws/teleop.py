@@ -1,4 +1,4 @@
-"""Driving over a socket: take, drive, stop, release. A closed socket stops the robot and gives the lease back."""
+"""Driving over a WebSocket: take, drive, stop, release. A closed socket stops the robot and gives the lease back."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 from fastapi import APIRouter
 from starlette.websockets import WebSocket
 
-from gateway.api.allow import allow
+from gateway.api.authorization import require_permission
 from gateway.api.services import services_of
 from gateway.api.ws.lease_socket import LeaseSocket, serve
 from gateway.api.ws.requests import number_field
 from gateway.errors import InvalidRequestError
-from gateway.fleet.teleop import TeleopDesk
+from gateway.fleet.teleop import TeleopManager
 
 __all__ = ["router"]
 
@@ -23,18 +23,18 @@ MAX_STAMP = 2.0**62
 router = APIRouter()
 
 
-@router.websocket("/api/v1/robots/{robot_id}/teleop", dependencies=[allow("robots.drive")])
+@router.websocket("/api/v1/robots/{robot_id}/teleop", dependencies=[require_permission("robots.drive")])
 async def teleop(socket: WebSocket, robot_id: str) -> None:
     """One driver's connection."""
-    await serve(socket, _Wheel(socket, services_of(socket).teleop, robot_id))
+    await serve(socket, _TeleopSocket(socket, services_of(socket).teleop, robot_id))
 
 
-class _Wheel(LeaseSocket):
+class _TeleopSocket(LeaseSocket):
     """One driver."""
 
-    def __init__(self, socket: WebSocket, desk: TeleopDesk, robot_id: str) -> None:
-        super().__init__(socket, desk, robot_id)
-        self._teleop = desk
+    def __init__(self, socket: WebSocket, manager: TeleopManager, robot_id: str) -> None:
+        super().__init__(socket, manager, robot_id)
+        self._teleop = manager
 
     async def _use(self, request: dict[str, Any]) -> None:
         if request.get("op") != "drive":

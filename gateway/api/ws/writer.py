@@ -1,6 +1,6 @@
-"""How bytes leave for one WebSocket: straight into uvicorn's transport, or message by message through ASGI.
+"""Writes frames to one WebSocket: straight into uvicorn's transport, or message by message through ASGI.
 
-The one module besides `cut.py` that knows uvicorn's protocol object. With it, ready-made frames go into the transport
+The one module besides `close.py` that knows uvicorn's protocol object. With it, ready-made frames go into the transport
 as they are: one buffer, shared by all sockets that get the same. Without it (another server, a test client) the frames
 are taken apart again and sent as ASGI messages; slower, and the same to the client.
 """
@@ -18,17 +18,17 @@ from typing import Any, Protocol
 from starlette.websockets import WebSocket, WebSocketState
 from websockets.protocol import State
 
-from gateway.api.guard import PROTOCOL_KEY
+from gateway.api.middleware.guard import PROTOCOL_KEY
 
 __all__ = [
     "BINARY",
     "TEXT",
-    "AsgiOutlet",
-    "Outlet",
-    "UvicornOutlet",
+    "AsgiWriter",
+    "SocketWriter",
+    "UvicornWriter",
     "frame",
     "frame_header",
-    "open_outlet",
+    "open_writer",
     "split_frames",
     "take_messages",
 ]
@@ -67,15 +67,15 @@ def split_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += size
 
 
-class Outlet(Protocol):
-    """The bytes' way out."""
+class SocketWriter(Protocol):
+    """Writes whole frames, with back-pressure."""
 
     @property
     def waiting_bytes(self) -> int:
         """What was written and has not reached the network yet."""
 
     @property
-    def over(self) -> bool:
+    def closed(self) -> bool:
         """Whether the connection has ended."""
 
     def ready(self) -> bool:
@@ -84,14 +84,14 @@ class Outlet(Protocol):
     def write(self, data: bytes, /) -> None:
         """Whole frames."""
 
-    async def room(self) -> None:
-        """Until it is ready or over."""
+    async def drain(self) -> None:
+        """Until it is ready or closed."""
 
     def close(self) -> None:
         """Nothing more is written."""
 
 
-class UvicornOutlet:
+class UvicornWriter:
     """Into uvicorn's transport."""
 
     def __init__(self, protocol: Any, on_full: Callable[[], None]) -> None:
@@ -108,7 +108,7 @@ class UvicornOutlet:
         return self._transport.get_write_buffer_size()
 
     @property
-    def over(self) -> bool:
+    def closed(self) -> bool:
         """Whether it is closing, from either side."""
         return self._connection.state is not State.OPEN or self._transport.is_closing()
 
@@ -116,7 +116,7 @@ class UvicornOutlet:
         """Whether the transport is open and below its high-water mark."""
         return self._is_writable() and self._connection.state is State.OPEN and not self._transport.is_closing()
 
-    async def room(self) -> None:
+    async def drain(self) -> None:
         """Until it fell below its low-water mark."""
         await self._writable.wait()
 
@@ -145,7 +145,7 @@ class _Writable(asyncio.Event):
             self._on_full()
 
 
-class AsgiOutlet:
+class AsgiWriter:
     """Through the ASGI send of a socket, by a task of its own."""
 
     def __init__(self, socket: WebSocket, on_full: Callable[[], None]) -> None:
@@ -162,13 +162,13 @@ class AsgiOutlet:
         return self._waiting_bytes
 
     @property
-    def over(self) -> bool:
+    def closed(self) -> bool:
         """Whether the socket has ended."""
         return self._task.done() or self._socket.application_state is not WebSocketState.CONNECTED
 
     def ready(self) -> bool:
         """Whether little waits."""
-        return self._waiting_bytes < ROOM_BYTES and not self.over
+        return self._waiting_bytes < ROOM_BYTES and not self.closed
 
     def write(self, data: bytes) -> None:
         """Let whole frames wait for the task."""
@@ -180,9 +180,9 @@ class AsgiOutlet:
         if not self.ready():
             self._on_full()
 
-    async def room(self) -> None:
+    async def drain(self) -> None:
         """Until all of it is sent."""
-        while self._queue and not self.over:
+        while self._queue and not self.closed:
             await self._emptied.wait()
 
     def close(self) -> None:
@@ -227,7 +227,7 @@ def take_messages(socket: WebSocket, size_bytes: int) -> None:
         connection.max_message_size = size_bytes
 
 
-def open_outlet(socket: WebSocket, on_full: Callable[[], None]) -> Outlet:
+def open_writer(socket: WebSocket, on_full: Callable[[], None]) -> SocketWriter:
     """The fast way where the server is the uvicorn we know, else the one that ASGI has.
 
     `on_full` is called when it takes nothing more: for now, or because the connection has ended.
@@ -236,5 +236,5 @@ def open_outlet(socket: WebSocket, on_full: Callable[[], None]) -> Outlet:
     transport, connection = getattr(protocol, "transport", None), getattr(protocol, "conn", None)
     known = hasattr(transport, "get_write_buffer_size") and hasattr(connection, "state")
     if known and isinstance(getattr(protocol, "writable", None), asyncio.Event):
-        return UvicornOutlet(protocol, on_full)
-    return AsgiOutlet(socket, on_full)
+        return UvicornWriter(protocol, on_full)
+    return AsgiWriter(socket, on_full)

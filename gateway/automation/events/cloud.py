@@ -7,7 +7,7 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.event import Event
+from gateway.domain.automation.event import Event
 
 __all__ = ["TYPE_PREFIX", "cloud_event"]
 

@@ -17,11 +17,11 @@ from typing import Any, Protocol, TypeVar
 
 import orjson
 
-from gateway.domain.event import EVERYTHING, Event, EventFilter, EventPage
+from gateway.automation.events.kinds import event_kind
+from gateway.domain.automation.event import EVERYTHING, Event, EventFilter, EventPage
 from gateway.errors import StoreError, TooManyError
-from gateway.events.kinds import event_kind
+from gateway.store.automation.events import add_events, event_bounds, newest_events, purge_events, read_events
 from gateway.store.engine import StoreEngine
-from gateway.store.events import add_events, event_bounds, newest_events, purge_events, read_events
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
@@ -214,7 +214,7 @@ class EventJournal:
         self._dropped -= lost
         self._learn(found)
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Learn what other gateways appended. Raises StoreError."""
         known = self._head
 
@@ -289,7 +289,7 @@ class EventJournal:
             await asyncio.sleep(LOOK_S)
             if self._watchers:
                 try:
-                    await self.look()
+                    await self.refresh()
                 except StoreError as error:
                     log.debug("events of other gateways cannot be read now: %s", error)
 

@@ -1,4 +1,4 @@
-"""What other features tell, as events of the journal; `app.py` hands these methods to them."""
+"""Records what other features report as events of the journal; wiring/gateway.py hands these methods to them."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.command import DONE, Command
-from gateway.domain.recording import STORED, Recording
+from gateway.automation.events.journal import Database, EventJournal, Within
+from gateway.domain.fleet.command import DONE, Command
+from gateway.domain.fleet.recording import STORED, Recording
+from gateway.domain.fleet.rollout import Rollout
+from gateway.domain.fleet.twin import Reported
 from gateway.domain.robot import Robot
-from gateway.domain.rollout import Rollout
-from gateway.domain.twin import Reported
-from gateway.events.journal import Database, EventJournal, Within
 from metaros.clock import Clock
-from metaros.twin.tables import MAX_NODES
+from metaros.fleet.twin.tables import MAX_NODES
 
-__all__ = ["Events"]
+__all__ = ["EventRecorder"]
 
 TEXT_CHARS = 500
 STATE_CHARS = 32
@@ -25,8 +25,8 @@ ABSENT = "absent"  # a node that the robot does not have
 SETTLED = {"applied": "twin.applied", "refused": "twin.refused", "reverted": "twin.reverted"}
 
 
-class Events:
-    """The journal and who fills it; all methods on the event loop."""
+class EventRecorder:
+    """The journal and its writers; all methods on the event loop."""
 
     def __init__(self, database: Database, *, clock: Clock, within: Within | None = None) -> None:
         self.journal = EventJournal(database, clock=clock, within=within)

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Retry
+from gateway.automation.functions.async_put import function_of
+from gateway.automation.functions.destinations import Ending, ending_puts
+from gateway.automation.functions.directory import Directory
+from gateway.automation.functions.errors import FunctionsOffError, UnknownFunctionError
+from gateway.automation.functions.invoker import Invoked, Invoker, error_of
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result, Retry
 from gateway.errors import GatewayError, StoreError
-from gateway.functions.async_put import function_of
-from gateway.functions.destinations import Ending, ending_puts
-from gateway.functions.directory import Directory
-from gateway.functions.errors import FunctionsOffError, UnknownFunctionError
-from gateway.functions.invoker import Invoked, Invoker, error_of
+from metaros.automation.functions.errors import EngineClosedError, ThrottledError
 from metaros.clock import Clock
 from metaros.errors import MetarosError
-from metaros.functions.faults import EngineClosedError, ThrottledError
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["EventHandler"]
@@ -90,7 +90,7 @@ class EventHandler:
         return ending_puts(ending, self._invoker.new_request_id)
 
     async def _call(self, delivery: Delivery) -> Invoked:
-        put, told = delivery.put, dict[str, Any](delivery.put.context)
+        put, context = delivery.put, dict[str, Any](delivery.put.context)
         name, qualifier = function_of(put.target)
         resolved = self._directory.resolve(name, qualifier)
         spec = await self._directory.spec(resolved.name, resolved.versions[0][0])
@@ -101,9 +101,9 @@ class EventHandler:
             put.payload,
             kind="event",
             robot=put.robot,
-            request_id=str(told.get("request") or delivery.id),
-            client_context=str(told.get("client_context", "")),
-            trace_id=str(told.get("trace", "")),
+            request_id=str(context.get("request") or delivery.id),
+            client_context=str(context.get("client_context", "")),
+            trace_id=str(context.get("trace", "")),
         )
 
     def _judge(self, delivery: Delivery, invoked: Invoked) -> Result:

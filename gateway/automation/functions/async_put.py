@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.domain.delivery import Policy, Put
-from gateway.functions.directory import EventInvoke
+from gateway.automation.functions.directory import EventInvoke
+from gateway.domain.automation.delivery import Policy, Put
 
 __all__ = ["FUNCTION", "event_put", "function_of", "target_of"]
 
@@ -24,7 +24,7 @@ def event_put(
     client_context: str = "",
     trace_id: str = "",
     robot: str = "",
-    happening: str = "",
+    event_id: str = "",
     dedup: str = "",
     context: Mapping[str, Any] | None = None,
     policy: Policy | None = None,
@@ -33,15 +33,15 @@ def event_put(
 
     `policy` is what the `settings` mean, unless another is given.
     """
-    told = {"request": request_id, "client_context": client_context, "trace": trace_id}
+    call = {"request": request_id, "client_context": client_context, "trace": trace_id}
     return Put(
         kind=FUNCTION,
         target=target_of(name, qualifier),
         payload=payload,
         robot=robot,
-        happening=happening,
+        event_id=event_id,
         dedup=dedup,
-        context={**(context or {}), **{key: value for key, value in told.items() if value}},
+        context={**(context or {}), **{key: value for key, value in call.items() if value}},
         policy=policy
         or Policy(most_attempts=1 + settings.most_retries, most_age_s=settings.most_age_s, backoff="lambda"),
     )

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
-from gateway.domain.canary import CANCELLED, ROLLED_BACK, RUNNING, Canary, judged
+from gateway.automation.functions.directory import Directory
+from gateway.automation.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
+from gateway.domain.automation.canary import CANCELLED, ROLLED_BACK, RUNNING, Canary, judged
 from gateway.errors import RequestError, StoreError, TooManyError
-from gateway.functions.directory import Directory
-from gateway.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
-from gateway.store import canaries as table
+from gateway.store.automation import canaries as table
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -108,7 +108,7 @@ class Canaries:
         """Until cancelled."""
         while True:
             try:
-                await self.look()
+                await self.evaluate()
             except StoreError as error:
                 log.debug("canaries wait for the store: %s", error)
             except RequestError:
@@ -117,7 +117,7 @@ class Canaries:
                 log.exception("canaries failed: a mistake of ours")
             await asyncio.sleep(LOOK_S)
 
-    async def look(self) -> None:
+    async def evaluate(self) -> None:
         """Judge those under way, and do what was decided. Raises StoreError."""
         now_ns = self._clock.wall_ns()
         counts, self._counts = self._counts, {}
@@ -169,7 +169,7 @@ class Canaries:
             return found
         done = replace(done, revision=canary.revision + 1)
         self._known[key] = done
-        self._emit(KIND, "", _told(done))
+        self._emit(KIND, "", _reported(done))
         if done.state == ROLLED_BACK:
             log.warning("alias %s of %s is back at version %s: %s", done.alias, done.function, version, done.reason)
         return done
@@ -186,6 +186,6 @@ def _any(engine: StoreEngine) -> bool:
         return bool(table.read_canaries(engine))
 
 
-def _told(canary: Canary) -> dict[str, Any]:
+def _reported(canary: Canary) -> dict[str, Any]:
     names = ("function", "alias", "version", "stable", "weight", "state", "reason")
     return {name: getattr(canary, name) for name in names}

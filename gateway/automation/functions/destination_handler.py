@@ -7,8 +7,8 @@ from typing import Any, Final, Protocol
 
 import orjson
 
-from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Retry
-from gateway.domain.happening import Happening
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result, Retry
+from gateway.domain.automation.gateway_event import GatewayEvent
 from gateway.errors import OverloadedError, RequestError, StoreError, TooManyRequestsError
 from metaros.clock import Clock
 from metaros.errors import MetarosError
@@ -29,18 +29,18 @@ class AwsSender(Protocol):
 
 
 class DestinationHandler:
-    """Delivers records; the own bus takes them as happenings, which rules may match."""
+    """Delivers records; the own bus takes them as events, which rules may match."""
 
     def __init__(
         self,
         aws: AwsSender,
-        happen: Callable[[Sequence[Happening]], Awaitable[object]],
+        put_events: Callable[[Sequence[GatewayEvent]], Awaitable[object]],
         *,
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
         self._aws = aws
-        self._happen = happen
+        self._put_events = put_events
         self._clock = clock
         self._limits = limits
         self._under_way = 0
@@ -59,7 +59,7 @@ class DestinationHandler:
         self._under_way += 1
         try:
             if put.target == OWN_BUS:
-                await self._happen([self._happening(delivery)])
+                await self._put_events([self._gateway_event(delivery)])
                 return Done()
             return Done(await self._aws.send(put.target, put.payload, {**put.context, "delivery": delivery.id}))
         except LATER as error:
@@ -75,10 +75,10 @@ class DestinationHandler:
         """Nobody else is told."""
         return ()
 
-    def _happening(self, delivery: Delivery) -> Happening:
+    def _gateway_event(self, delivery: Delivery) -> GatewayEvent:
         put = delivery.put
         data = orjson.loads(put.payload)
-        return Happening(
+        return GatewayEvent(
             id=delivery.id,
             type=f"{RESULT_TYPE}{put.context.get('side', '')}",
             source="lambda",

@@ -1,6 +1,6 @@
 """Who is told how an event for a function ended: destinations and dead-letter queues, in Lambda's words.
 
-A destination is a function of this gateway, the gateway's own bus of happenings
+A destination is a function of this gateway, the gateway's own bus of events
 (`arn:aws:events:local:000000000000:event-bus/default`), or a queue, topic, bus or function of real AWS.
 """
 
@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import orjson
 
-from gateway.domain.delivery import TOO_OLD, Dead, Delivery, Done, Policy, Put
-from gateway.functions.async_put import event_put, function_of
-from gateway.functions.directory import EventInvoke
-from gateway.functions.invoker import Invoked
+from gateway.automation.functions.async_put import event_put, function_of
+from gateway.automation.functions.directory import EventInvoke
+from gateway.automation.functions.invoker import Invoked
+from gateway.domain.automation.delivery import TOO_OLD, Dead, Delivery, Done, Policy, Put
 from metaros.limits import LIMITS
 
 __all__ = ["DESTINATION", "MOST_HOPS", "OWN", "Ending", "destination_put", "ending_puts", "own_function"]
@@ -87,13 +87,13 @@ def ending_puts(ending: Ending, new_id: Callable[[], str]) -> Sequence[Put]:
     settings, delivery = ending.settings, ending.delivery
     hops = int(delivery.put.context.get("hops", 0)) + 1
     found: list[Put] = []
-    told = settings.on_success if ending.ok else settings.on_failure
-    if told and hops <= MOST_HOPS:
+    destination = settings.on_success if ending.ok else settings.on_failure
+    if destination and hops <= MOST_HOPS:
         side = "Success" if ending.ok else "Failure"
         facts = {"function": ending.arn, "side": side, "hops": hops}
         dedup = f"{delivery.id}/{delivery.redrives}/{side.lower()}"
         robot = delivery.put.robot
-        found.append(destination_put(told, ending.record(), facts, dedup=dedup, robot=robot, new_id=new_id))
+        found.append(destination_put(destination, ending.record(), facts, dedup=dedup, robot=robot, new_id=new_id))
     if settings.dead_letter and isinstance(ending.result, Dead):
         attributes = {
             "RequestID": ending.request_id,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from metaros.functions.calls import FunctionSpec
+from metaros.automation.functions.calls import FunctionSpec
 
 __all__ = ["Directory", "EventInvoke", "MappingRow", "Resolved", "Start"]
 

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.domain.happening import JOURNAL, METRIC, SCHEDULE, TOPIC, WEBHOOK, Happening
-from gateway.domain.shapes import STORED, cloudevent, eventbridge, s3
+from gateway.domain.automation.gateway_event import JOURNAL, METRIC, SCHEDULE, TOPIC, WEBHOOK, GatewayEvent
+from gateway.domain.automation.shapes import STORED, cloudevent, eventbridge, s3
 
-__all__ = ["SAMPLE_EVENTS", "SampleEvent"]
+__all__ = ["EXAMPLE_EVENTS", "ExampleEvent"]
 
 AT_NS = 1_767_225_600_000_000_000  # the first second of 2026
 ROBOT = "sim_1"
 
 
 @dataclass(frozen=True, slots=True)
-class SampleEvent:
+class ExampleEvent:
     """One row: when such a thing comes, and what a handler is given."""
 
     name: str
@@ -24,8 +24,8 @@ class SampleEvent:
     event: Mapping[str, Any]
 
 
-def _one(name: str, source: str, data: dict[str, Any], *, robot: str = ROBOT, ident: str = "e-4711") -> Happening:
-    return Happening(id=ident, type=name, source=source, at_ns=AT_NS, robot=robot, data=data)
+def _one(name: str, source: str, data: dict[str, Any], *, robot: str = ROBOT, ident: str = "e-4711") -> GatewayEvent:
+    return GatewayEvent(id=ident, type=name, source=source, at_ns=AT_NS, robot=robot, data=data)
 
 
 _ALERT = _one(
@@ -105,19 +105,19 @@ _WEBHOOK = _one(
 )
 _USER = _one("order.ready", "user", {"order": 17, "robot": ROBOT}, ident="01JGFJ3V000000000000000000")
 
-SAMPLE_EVENTS: dict[str, SampleEvent] = {
+EXAMPLE_EVENTS: dict[str, ExampleEvent] = {
     row.name: row
     for row in (
-        SampleEvent("alert", "an alert opened", eventbridge(_ALERT)),
-        SampleEvent("battery_low", "a series went below a bound (a metric rule)", eventbridge(_BATTERY)),
-        SampleEvent("topic", "a message of a robot's topic", eventbridge(_TOPIC)),
-        SampleEvent("image", "a compressed picture of a robot's camera", eventbridge(_IMAGE)),
-        SampleEvent("recording", "a recording's file is here", eventbridge(_STORED)),
-        SampleEvent("recording_s3", "the same in the shape of S3 (event_format: s3)", s3(_STORED)),
-        SampleEvent("robot_offline", "a robot's link ended", eventbridge(_OFFLINE)),
-        SampleEvent("schedule", "a rule's schedule", eventbridge(_SCHEDULE)),
-        SampleEvent("webhook", "somebody's webhook came in by a hook", eventbridge(_WEBHOOK)),
-        SampleEvent("user", "what a program of yours put", eventbridge(_USER)),
-        SampleEvent("cloudevent", "the alert as CloudEvents 1.0 has it", cloudevent(_ALERT)),
+        ExampleEvent("alert", "an alert opened", eventbridge(_ALERT)),
+        ExampleEvent("battery_low", "a series went below a bound (a metric rule)", eventbridge(_BATTERY)),
+        ExampleEvent("topic", "a message of a robot's topic", eventbridge(_TOPIC)),
+        ExampleEvent("image", "a compressed picture of a robot's camera", eventbridge(_IMAGE)),
+        ExampleEvent("recording", "a recording's file is here", eventbridge(_STORED)),
+        ExampleEvent("recording_s3", "the same in the shape of S3 (event_format: s3)", s3(_STORED)),
+        ExampleEvent("robot_offline", "a robot's link ended", eventbridge(_OFFLINE)),
+        ExampleEvent("schedule", "a rule's schedule", eventbridge(_SCHEDULE)),
+        ExampleEvent("webhook", "somebody's webhook came in by a hook", eventbridge(_WEBHOOK)),
+        ExampleEvent("user", "what a program of yours put", eventbridge(_USER)),
+        ExampleEvent("cloudevent", "the alert as CloudEvents 1.0 has it", cloudevent(_ALERT)),
     )
 }

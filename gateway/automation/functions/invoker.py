@@ -11,20 +11,20 @@ from typing import Any, Protocol
 
 import orjson
 
-from gateway.domain.command import new_command_id
-from gateway.domain.delivery import Put
-from gateway.domain.invocation import ERROR, OK, THROTTLED, TIMEOUT, Recorded
-from gateway.functions.async_put import event_put
-from gateway.functions.directory import Directory, Resolved
-from gateway.functions.errors import FunctionsOffError
-from gateway.functions.ledger import Ledger
+from gateway.automation.functions.async_put import event_put
+from gateway.automation.functions.directory import Directory, Resolved
+from gateway.automation.functions.errors import FunctionsOffError
+from gateway.automation.functions.ledger import Ledger
+from gateway.domain.automation.delivery import Put
+from gateway.domain.automation.invocation import ERROR, OK, THROTTLED, TIMEOUT, Recorded
+from gateway.domain.fleet.command import new_command_id
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.errors import ThrottledError
 from metaros.clock import Clock
 from metaros.errors import TooLargeError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.faults import ThrottledError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Call", "Elsewhere", "Invoked", "Invoker", "Rng", "Runner", "Stream", "error_of"]
+__all__ = ["Call", "Invoked", "Invoker", "RemoteInvoke", "Rng", "Runner", "Stream", "error_of"]
 
 TIMED_OUT = "Sandbox.Timeout"
 MESSAGE_CHARS = 2000
@@ -71,7 +71,7 @@ class Invoked:
     request_id: str
 
 
-Elsewhere = Callable[[str, str, bytes, Call], Awaitable[Invoked]]  # calls a function at another gateway
+RemoteInvoke = Callable[[str, str, bytes, Call], Awaitable[Invoked]]  # calls a function at another gateway
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ class Invoker:
         self._clock = clock
         self._rng = rng
         self._limits = limits
-        self.elsewhere: Elsewhere | None = None  # where this gateway runs no functions: another one does
+        self.remote: RemoteInvoke | None = None  # where this gateway runs no functions: another one does
         self.running: Counter[str] = Counter()  # calls of each function
         self._over = asyncio.Event()
         self.listeners: list[Callable[[str, str, str, bool], None]] = []
@@ -142,10 +142,10 @@ class Invoker:
             TooLargeError: the payload is.
         """
         call = Call(kind=kind, robot=robot, request_id=request_id, client_context=client_context, trace_id=trace_id)
-        if self.elsewhere is not None:
+        if self.remote is not None:
             self._check_size(payload, self._limits.function_payload_bytes)
             self._directory.resolve(function, qualifier)
-            return await self.elsewhere(function, qualifier, payload, call)
+            return await self.remote(function, qualifier, payload, call)
         begun = await self._begin(function, qualifier, payload, call)
         self.running[begun.target.name] += 1
         try:
@@ -168,7 +168,7 @@ class Invoker:
         trace_id: str = "",
     ) -> Stream:
         """Call a function whose answer comes piece by piece; what `invoke` raises is raised before the first one."""
-        if self.elsewhere is not None:
+        if self.remote is not None:
             raise FunctionsOffError("a streamed answer comes from a gateway that runs functions; this one does not")
         begun = await self._begin(function, qualifier, payload, Call(client_context=client_context, trace_id=trace_id))
         pieces = self._pieces(begun)
@@ -184,7 +184,7 @@ class Invoker:
         client_context: str = "",
         trace_id: str = "",
         robot: str = "",
-        happening: str = "",
+        event_id: str = "",
         dedup: str = "",
     ) -> str:
         """Take an event in for a function, durably; the request's id. It is called later, and again where it fails."""
@@ -200,7 +200,7 @@ class Invoker:
             client_context=client_context,
             trace_id=trace_id,
             robot=robot,
-            happening=happening,
+            event_id=event_id,
             dedup=dedup,
         )
         await self._accept([put])

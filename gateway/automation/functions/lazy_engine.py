@@ -8,15 +8,15 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.functions.errors import FunctionsOffError
+from gateway.automation.functions.errors import FunctionsOffError
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.engine import Engine, EngineStatus
+from metaros.automation.functions.errors import EngineClosedError
+from metaros.automation.functions.logs import LogPiece
 from metaros.clock import Clock
 from metaros.errors import MetarosError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.engine import Engine, EngineStatus
-from metaros.functions.faults import EngineClosedError
-from metaros.functions.logs import LogPiece
 
-__all__ = ["EngineDoor", "RuntimeState"]
+__all__ = ["LazyEngine", "RuntimeState"]
 
 log = logging.getLogger(__name__)
 AGAIN_S = 10.0  # after a start that failed
@@ -33,7 +33,7 @@ class RuntimeState:
 START_S = 90.0  # each level is tried once, for as long as a worker may take to start
 
 
-class EngineDoor:
+class LazyEngine:
     """Runs calls as the engine does. All methods on the event loop."""
 
     def __init__(self, make: Callable[[], Engine] | None, *, on_log: Callable[[LogPiece], None], clock: Clock) -> None:

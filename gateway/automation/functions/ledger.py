@@ -13,11 +13,11 @@ from collections.abc import Callable
 from itertools import islice
 from typing import Protocol, TypeVar
 
-from gateway.domain.command import new_command_id
-from gateway.domain.invocation import OK, ROBOT, InvocationFilter, Recorded
+from gateway.automation.functions.meters import FunctionMeters
+from gateway.domain.automation.invocation import OK, ROBOT, InvocationFilter, Recorded
+from gateway.domain.fleet.command import new_command_id
 from gateway.errors import StoreError
-from gateway.functions.meters import FunctionMeters
-from gateway.store import invocations as table
+from gateway.store.automation import invocations as table
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits

@@ -11,7 +11,7 @@ from typing import Protocol
 from gateway.errors import TooManyError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["LogBook", "LogLine", "Piece"]
+__all__ = ["LogBuffer", "LogLine", "Piece"]
 
 LINE_CHARS = 4096  # a longer line is cut
 OVERHEAD_BYTES = 200  # of a line besides its text
@@ -54,7 +54,7 @@ class LogLine:
     text: str
 
 
-class LogBook:
+class LogBuffer:
     """A bounded number of lines of each function, and of bytes of all."""
 
     def __init__(self, *, limits: Limits = LIMITS) -> None:

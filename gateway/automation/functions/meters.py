@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from gateway.domain.invocation import OK, THROTTLED, Recorded
+from gateway.domain.automation.invocation import OK, THROTTLED, Recorded
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 

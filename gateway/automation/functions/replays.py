@@ -8,16 +8,16 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.delivery import Put
-from gateway.domain.happening import Happening, Replay
-from gateway.domain.shapes import eventbridge
-from gateway.functions.async_put import event_put
-from gateway.functions.directory import Directory
-from metaros.rules.pattern import compile_pattern
+from gateway.automation.functions.async_put import event_put
+from gateway.automation.functions.directory import Directory
+from gateway.domain.automation.delivery import Put
+from gateway.domain.automation.gateway_event import GatewayEvent, Replay
+from gateway.domain.automation.shapes import eventbridge
+from metaros.automation.rules.pattern import compile_pattern
 
 __all__ = ["Replayer"]
 
-Begin = Callable[[Replay, Callable[[Happening], bool], Callable[[Happening], Sequence[Put]]], Awaitable[Replay]]
+Begin = Callable[[Replay, Callable[[GatewayEvent], bool], Callable[[GatewayEvent], Sequence[Put]]], Awaitable[Replay]]
 
 
 class Replayer:
@@ -35,18 +35,20 @@ class Replayer:
         settings = self._directory.event_invoke(target.name, target.qualifier)
         pattern = compile_pattern(spec["pattern"]) if spec.get("pattern") else None
 
-        def match(happening: Happening) -> bool:
-            return pattern is None or pattern.matches(eventbridge(happening))
+        def match(gateway_event: GatewayEvent) -> bool:
+            return pattern is None or pattern.matches(eventbridge(gateway_event))
 
-        def put(happening: Happening) -> Sequence[Put]:
+        def put(gateway_event: GatewayEvent) -> Sequence[Put]:
             event = event_put(
                 target.name,
                 target.qualifier,
-                orjson.dumps(eventbridge(happening)),
-                request_id=str(uuid.uuid5(uuid.NAMESPACE_OID, f"{replay.id}/{happening.source}/{happening.id}")),
+                orjson.dumps(eventbridge(gateway_event)),
+                request_id=str(
+                    uuid.uuid5(uuid.NAMESPACE_OID, f"{replay.id}/{gateway_event.source}/{gateway_event.id}")
+                ),
                 settings=settings,
-                robot=happening.robot,
-                happening=happening.id,
+                robot=gateway_event.robot,
+                event_id=gateway_event.id,
             )
             return (event,)
 

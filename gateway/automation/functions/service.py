@@ -1,4 +1,4 @@
-"""Functions as the gateway runs them: catalogue, engine, calls, events, mappings and canaries, put together."""
+"""The functions service: catalogue, engine, calls, events, mappings and canaries, put together."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gateway.domain.delivery import Handler, Put
-from gateway.domain.happening import Happening
+from gateway.automation.functions.async_invoke import EventHandler
+from gateway.automation.functions.async_put import FUNCTION
+from gateway.automation.functions.canary import Canaries
+from gateway.automation.functions.catalogue.catalogue import Catalogue
+from gateway.automation.functions.destination_handler import AwsSender, DestinationHandler
+from gateway.automation.functions.destinations import DESTINATION
+from gateway.automation.functions.invoker import Invoker, Rng
+from gateway.automation.functions.lazy_engine import LazyEngine
+from gateway.automation.functions.ledger import Ledger
+from gateway.automation.functions.logs import LogBuffer
+from gateway.automation.functions.mappings.batch_run import BatchRunner
+from gateway.automation.functions.mappings.mappings import Mappings
+from gateway.automation.functions.meters import FunctionMeters
+from gateway.domain.automation.delivery import Handler, Put
+from gateway.domain.automation.gateway_event import GatewayEvent
 from gateway.errors import StoreError
-from gateway.functions.async_invoke import EventHandler
-from gateway.functions.async_put import FUNCTION
-from gateway.functions.canary import Canaries
-from gateway.functions.catalogue import Catalogue
-from gateway.functions.destination_handler import AwsSender, DestinationHandler
-from gateway.functions.destinations import DESTINATION
-from gateway.functions.invoker import Invoker, Rng
-from gateway.functions.lazy_engine import EngineDoor
-from gateway.functions.ledger import Ledger
-from gateway.functions.logs import LogBook
-from gateway.functions.mapping_turn import Turns
-from gateway.functions.mappings import Mappings
-from gateway.functions.meters import FunctionMeters
-from gateway.objects import ObjectStore
 from gateway.store import Store
+from gateway.store.automation.mapping_cursors import Stream
 from gateway.store.engine import StoreEngine
-from gateway.store.mapping_cursors import Stream
+from gateway.store.objects import ObjectStore
+from metaros.automation.functions.egress.rules import EgressRules
+from metaros.automation.functions.engine import Engine
+from metaros.automation.functions.sandbox.level import Level
 from metaros.clock import Clock
 from metaros.errors import MetarosError
-from metaros.functions.egress_rules import EgressRules
-from metaros.functions.engine import Engine
-from metaros.functions.sandbox.level import Level
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["FunctionChoices", "Functions", "Ways"]
+__all__ = ["FunctionOptions", "FunctionPorts", "Functions"]
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FunctionChoices:
+class FunctionOptions:
     """`require` is the least sandbox that will do; `workers` bounds the processes of all functions, `egress` where they
     may ask to connect to (None: anywhere)."""
 
@@ -54,16 +54,16 @@ class FunctionChoices:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ways:
-    """What functions have of the other parts: the queue, the bus, AWS and the journal.
+class FunctionPorts:
+    """What functions need of other parts: the queue, the bus, AWS and the journal.
 
-    `accept` makes puts durable; `put` stores them in a transaction of one's own, after which `noted` is told.
+    `accept` makes puts durable; `put` stores them in a transaction of one's own, after which `notify` is told.
     """
 
     accept: Callable[[Sequence[Put]], Awaitable[Sequence[str]]]
     put: Callable[[StoreEngine, Sequence[Put]], object]
-    noted: Callable[[Sequence[Put]], None]
-    happen: Callable[[Sequence[Happening]], Awaitable[object]]
+    notify: Callable[[Sequence[Put]], None]
+    put_events: Callable[[Sequence[GatewayEvent]], Awaitable[object]]
     aws: AwsSender
     emit: Callable[[str, str, Mapping[str, Any]], None]
 
@@ -76,9 +76,9 @@ class Functions:
         store: Store,
         objects: ObjectStore,
         folder: Path,
-        ways: Ways,
+        ports: FunctionPorts,
         *,
-        choices: FunctionChoices,
+        choices: FunctionOptions,
         clock: Clock,
         rng: Rng,
         limits: Limits = LIMITS,
@@ -87,29 +87,29 @@ class Functions:
         self._limits = limits
         self._clock = clock
         self._folder = folder
-        self.logs = LogBook(limits=limits)
-        self.engine = EngineDoor(self._make if choices.on else None, on_log=self.logs.add, clock=clock)
+        self.logs = LogBuffer(limits=limits)
+        self.engine = LazyEngine(self._make if choices.on else None, on_log=self.logs.add, clock=clock)
         held = self.engine.in_use
         self.catalogue = Catalogue(store, objects, folder / "code", clock=clock, in_use=held, limits=limits)
         self.meters = FunctionMeters(clock=clock, limits=limits)
         self.ledger = Ledger(store, self.meters, clock=clock, limits=limits)
         self.invoker = Invoker(
-            self.engine, self.catalogue, self.ledger, accept=ways.accept, clock=clock, rng=rng, limits=limits
+            self.engine, self.catalogue, self.ledger, accept=ports.accept, clock=clock, rng=rng, limits=limits
         )
-        self.canaries = Canaries(store, self.catalogue, emit=ways.emit, clock=clock, limits=limits)
+        self.canaries = Canaries(store, self.catalogue, emit=ports.emit, clock=clock, limits=limits)
         self.invoker.listeners.append(self.canaries.count)
-        turns = Turns(store, self.invoker, put=ways.put, clock=clock)
-        self.mappings = Mappings(store, self.catalogue, turns, noted=ways.noted, clock=clock, limits=limits)
-        self._ways = ways
+        batch_runner = BatchRunner(store, self.invoker, put=ports.put, clock=clock)
+        self.mappings = Mappings(store, self.catalogue, batch_runner, notify=ports.notify, clock=clock, limits=limits)
+        self._ports = ports
         self._changed: set[str] = set()
         self._news = asyncio.Event()
         self.catalogue.on_change(self._on_change)
 
     def handlers(self) -> dict[str, Handler]:
         """What the queue gives to functions, by kind."""
-        clock, limits, ways = self._clock, self._limits, self._ways
+        clock, limits, ports = self._clock, self._limits, self._ports
         events = EventHandler(self.invoker, self.catalogue, on=self.choices.on, clock=clock, limits=limits)
-        ends = DestinationHandler(ways.aws, ways.happen, clock=clock, limits=limits)
+        ends = DestinationHandler(ports.aws, ports.put_events, clock=clock, limits=limits)
         return {FUNCTION: events, DESTINATION: ends}
 
     async def start(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from gateway.functions.errors import FunctionInvalidError
+from gateway.automation.functions.errors import FunctionInvalidError
 
 __all__ = ["TopicArn", "parse_topic_arn"]
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from gateway.domain.delivery import Put
+from gateway.automation.queue.database import Database
+from gateway.automation.queue.group_commit import GroupCommit
+from gateway.domain.automation.delivery import Put
 from gateway.domain.errors import QueueFullError
 from gateway.errors import UnstorableError
-from gateway.queue.database import Database
-from gateway.queue.group_commit import GroupCommit
-from gateway.store.deliveries import put
+from gateway.store.automation.deliveries import put
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.errors import TooLargeError

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random  # noqa: TID251 - the type only; the generator is an argument
 
-from gateway.domain.delivery import DEAD, DONE, WAITING, Dead, Delivery, Done, Policy, Result, Retry
-from gateway.store.deliveries import Turn
+from gateway.domain.automation.delivery import DEAD, DONE, WAITING, Dead, Delivery, Done, Policy, Result, Retry
+from gateway.store.automation.deliveries import AttemptResult
 
-__all__ = ["end_of", "turn_of", "wait_s"]
+__all__ = ["attempt_result", "end_of", "wait_s"]
 
 LAMBDA_FAILURE_S = 60.0  # after the first failure of a function, twice that after the second
 LEAST_S = 0.01
@@ -23,14 +23,14 @@ def end_of(delivery: Delivery, result: Result) -> Done | Dead | None:
     return None
 
 
-def turn_of(delivery: Delivery, result: Result, *, rng: random.Random, now_ns: int) -> Turn:
+def attempt_result(delivery: Delivery, result: Result, *, rng: random.Random, now_ns: int) -> AttemptResult:
     """What is to be stored of a try, without what is put as it ends."""
     end = end_of(delivery, result)
     attempts = delivery.attempts + (isinstance(result, Retry) and result.counts)
     if isinstance(end, Done):
-        return Turn(delivery=delivery, state=DONE, attempts=attempts, message=_plain(end.note), puts=end.puts)
+        return AttemptResult(delivery=delivery, state=DONE, attempts=attempts, message=_plain(end.note), puts=end.puts)
     if isinstance(end, Dead):
-        return Turn(
+        return AttemptResult(
             delivery=delivery, state=DEAD, attempts=attempts, code=_plain(end.code), message=_plain(end.message)
         )
     assert isinstance(result, Retry)
@@ -38,7 +38,7 @@ def turn_of(delivery: Delivery, result: Result, *, rng: random.Random, now_ns: i
     if pause_s is None:
         tried = attempts if result.counts else delivery.tries - attempts
         pause_s = wait_s(delivery.put.policy, tried, counts=result.counts, rng=rng)
-    return Turn(
+    return AttemptResult(
         delivery=delivery,
         state=WAITING,
         attempts=attempts,

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from gateway.store.engine import StoreEngine
 
-__all__ = ["Database", "look"]
+__all__ = ["Database", "read_snapshot"]
 
 Result = TypeVar("Result")
 
@@ -30,7 +30,7 @@ class Database(Protocol):
         """A job that reads, in a transaction of its own making."""
 
 
-async def look(database: Database, job: Callable[[StoreEngine], Result]) -> Result:
+async def read_snapshot(database: Database, job: Callable[[StoreEngine], Result]) -> Result:
     """A job that reads, at a single moment."""
 
     def within_one(engine: StoreEngine) -> Result:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from gateway.store.deliveries import Ready, Wish
+from gateway.store.automation.deliveries import LeaseRequest, Ready
 
-__all__ = ["Agenda"]
+__all__ = ["DueTargets"]
 
 _Target = tuple[str, str]
 
 
-class Agenda:
+class DueTargets:
     """Targets in the order in which their turn comes."""
 
     def __init__(self, *, most: int) -> None:
@@ -25,27 +25,29 @@ class Agenda:
         return len(self._due_ns)
 
     def note(self, rows: Iterable[Ready]) -> None:
-        """Something of these waits; a full agenda learns of further ones when the store is looked through again."""
+        """Something of these waits; a full table learns of further ones when the store is looked through again."""
         for row in rows:
             key = (row.kind, row.target)
             known = self._due_ns.get(key)
             if known is not None or len(self._due_ns) < self._most:
                 self._due_ns[key] = row.due_ns if known is None else min(known, row.due_ns)
 
-    def wishes(self, kind: str, *, now_ns: int, room: int, of_target: Callable[[str], int]) -> list[Wish]:
+    def lease_requests(
+        self, kind: str, *, now_ns: int, room: int, of_target: Callable[[str], int]
+    ) -> list[LeaseRequest]:
         """Room for so many deliveries of a kind, shared by the targets that have something due.
 
-        They leave the agenda with that; what is left of them is noted when it is known, behind the others.
+        They leave this table with that; what is left of them is noted when it is known, behind the others.
         """
         due = [target for (of, target), due_ns in self._due_ns.items() if of == kind and due_ns <= now_ns]
-        found: list[Wish] = []
+        found: list[LeaseRequest] = []
         left = room
         for place, target in enumerate(due):
             if left <= 0:
                 break
             most = min(-(-left // (len(due) - place)), of_target(target))
             if most > 0:
-                found.append(Wish(kind, target, most))
+                found.append(LeaseRequest(kind, target, most))
                 del self._due_ns[kind, target]
                 left -= most
         return found

@@ -1,4 +1,4 @@
-"""What is leased here and under way: the handlers' calls, and what each took of the room there is."""
+"""Deliveries in flight: leased by this gateway, with their handlers' calls and the room that they take."""
 
 from __future__ import annotations
 
@@ -8,44 +8,44 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
 from typing import Any
 
-from gateway.domain.delivery import LOST, TOO_OLD, Dead, Delivery, Handler, Result, Retry, takes_batches
+from gateway.domain.automation.delivery import LOST, TOO_OLD, Dead, Delivery, Handler, Result, Retry, takes_batches
 from metaros.clock import Clock
 from metaros.limits import Limits
 
-__all__ = ["FAILED", "TIMEOUT", "Flights"]
+__all__ = ["FAILED", "TIMEOUT", "InFlight"]
 
 log = logging.getLogger(__name__)
 
 FAILED, TIMEOUT = "handler_failed", "timeout"
-Landed = Callable[[Handler | None, Delivery, Result], Awaitable[None]]
+OnResult = Callable[[Handler | None, Delivery, Result], Awaitable[None]]
 
 
-class Flights:
-    """`landed` stores what came of a delivery; it is under way until that is done, and then `freed` is told."""
+class InFlight:
+    """`on_result` stores what came of a delivery; it is under way until that is done, and then `on_freed` is told."""
 
-    def __init__(self, *, clock: Clock, limits: Limits, landed: Landed, freed: Callable[[], None]) -> None:
+    def __init__(self, *, clock: Clock, limits: Limits, on_result: OnResult, on_freed: Callable[[], None]) -> None:
         self._clock = clock
         self._limits = limits
-        self._landed = landed
-        self._freed = freed
-        self._under_way: dict[str, Delivery] = {}
+        self._on_result = on_result
+        self._on_freed = on_freed
+        self._deliveries: dict[str, Delivery] = {}
         self._of_target: Counter[tuple[str, str]] = Counter()
         self._starting: Counter[tuple[str, str]] = Counter()  # calls that their handler does not know of yet
         self._size_bytes = 0
         self._tasks: set[asyncio.Task[Any]] = set()
 
     def __len__(self) -> int:
-        return len(self._under_way)
+        return len(self._deliveries)
 
     @property
     def ids(self) -> list[str]:
         """Whose leases are to be extended."""
-        return list(self._under_way)
+        return list(self._deliveries)
 
     @property
     def free(self) -> int:
         """How many more may be under way."""
-        return self._limits.deliveries_at_once - len(self._under_way)
+        return self._limits.deliveries_at_once - len(self._deliveries)
 
     @property
     def free_bytes(self) -> int:
@@ -69,15 +69,15 @@ class Flights:
     def start(self, handlers: dict[str, Handler], leased: Collection[Delivery]) -> None:
         """Deliver them, those of one target in batches where its handler likes that."""
         for delivery in leased:
-            self._under_way[delivery.id] = delivery
+            self._deliveries[delivery.id] = delivery
             self._of_target[delivery.put.kind, delivery.put.target] += 1
             self._size_bytes += len(delivery.put.payload)
         batches: dict[tuple[str, str], list[Delivery]] = {}
         for delivery in leased:
             handler = handlers.get(delivery.put.kind)
-            stillborn = self._stillborn(delivery)
-            if handler is None or stillborn is not None:
-                self._spawn(self._land(handler, [delivery], [stillborn or Dead(TOO_OLD)]))
+            refused = self._refused(delivery)
+            if handler is None or refused is not None:
+                self._spawn(self._finish(handler, [delivery], [refused or Dead(TOO_OLD)]))
             elif takes_batches(handler):
                 batches.setdefault((delivery.put.kind, delivery.put.target), []).append(delivery)
             else:
@@ -93,7 +93,7 @@ class Flights:
         """Wait until nothing is under way; False where something still is."""
         if self._tasks:
             await asyncio.wait(set(self._tasks), timeout=timeout_s)
-        return not self._under_way
+        return not self._deliveries
 
     async def abort(self) -> None:
         """Break off every call."""
@@ -102,7 +102,7 @@ class Flights:
         if self._tasks:
             await asyncio.wait(set(self._tasks), timeout=1.0)
 
-    def _stillborn(self, delivery: Delivery) -> Dead | None:
+    def _refused(self, delivery: Delivery) -> Dead | None:
         """Why it is not even tried."""
         if delivery.expires_ns <= self._clock.wall_ns():
             return Dead(TOO_OLD, delivery.message or "it was not delivered in time")
@@ -112,9 +112,9 @@ class Flights:
 
     def _begin(self, handler: Handler, some: Sequence[Delivery]) -> None:
         self._starting[some[0].put.kind, some[0].put.target] += 1
-        self._spawn(self._fly(handler, some))
+        self._spawn(self._run_call(handler, some))
 
-    async def _fly(self, handler: Handler, some: Sequence[Delivery]) -> None:
+    async def _run_call(self, handler: Handler, some: Sequence[Delivery]) -> None:
         call = self._spawn(self._call(handler, some))
         try:
             done, _ = await asyncio.wait({call}, timeout=handler.timeout_s(some[0].put.target))
@@ -129,7 +129,7 @@ class Flights:
             results = [Retry(FAILED, f"{type(error).__name__}: {error}")] * len(some)
         finally:
             call.cancel()  # nobody waits for one that does not let itself be ended
-        await self._land(handler, some, results)
+        await self._finish(handler, some, results)
 
     async def _call(self, handler: Handler, some: Sequence[Delivery]) -> Sequence[Result]:
         key = (some[0].put.kind, some[0].put.target)
@@ -143,20 +143,20 @@ class Flights:
             return [Retry(FAILED, f"{len(results)} results for {len(some)} deliveries")] * len(some)
         return results
 
-    async def _land(self, handler: Handler | None, some: Sequence[Delivery], results: Sequence[Result]) -> None:
+    async def _finish(self, handler: Handler | None, some: Sequence[Delivery], results: Sequence[Result]) -> None:
         try:
             await asyncio.gather(
-                *(self._landed(handler, delivery, result) for delivery, result in zip(some, results, strict=True))
+                *(self._on_result(handler, delivery, result) for delivery, result in zip(some, results, strict=True))
             )
         finally:
             for delivery in some:
                 key = (delivery.put.kind, delivery.put.target)
-                del self._under_way[delivery.id]
+                del self._deliveries[delivery.id]
                 self._of_target[key] -= 1
                 if not self._of_target[key]:
                     del self._of_target[key]
                 self._size_bytes -= len(delivery.put.payload)
-            self._freed()
+            self._on_freed()
 
     def _spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         task = asyncio.create_task(work)

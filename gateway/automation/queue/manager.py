@@ -1,6 +1,4 @@
-"""The desk of the queue: where deliveries are accepted, handlers report for their kinds, and people look after the dead
-letters.
-"""
+"""The manager of the queue: deliveries are accepted, handlers registered by kind, dead letters redriven or dropped."""
 
 from __future__ import annotations
 
@@ -11,20 +9,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from gateway.domain.delivery import Backlog, DeadFilter, Delivery, Handler, Put, Totals
-from gateway.domain.happening import Replay
-from gateway.queue.accept import Acceptor
-from gateway.queue.database import Database, look
-from gateway.queue.dispatcher import CLOSE_S, Dispatcher
-from gateway.queue.replaying import Match, PutAgain, Replaying
-from gateway.store import dead_letters, deliveries
-from gateway.store.deliveries import Ready
+from gateway.automation.queue.accept import Acceptor
+from gateway.automation.queue.database import Database, read_snapshot
+from gateway.automation.queue.dispatcher import CLOSE_S, Dispatcher
+from gateway.automation.queue.replay_runner import Match, PutAgain, ReplayRunner
+from gateway.domain.automation.delivery import Backlog, DeadFilter, Delivery, Handler, Put, Totals
+from gateway.domain.automation.gateway_event import Replay
+from gateway.store.automation import dead_letters, deliveries
+from gateway.store.automation.deliveries import Ready
+from gateway.store.automation.queue_totals import totals
 from gateway.store.engine import StoreEngine
-from gateway.store.queue_totals import totals
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["QueueDesk", "QueueStatus"]
+__all__ = ["QueueManager", "QueueStatus"]
 
 Result = TypeVar("Result")
 PAGE = 500  # dead letters of one transaction
@@ -39,8 +37,8 @@ class QueueStatus:
     counts: Mapping[str, int] = field(default_factory=dict)
 
 
-class QueueDesk:
-    """Give it its handlers, `start` it, let `run` run, `close` it. All on the event loop but for `noted`."""
+class QueueManager:
+    """Give it its handlers, `start` it, let `run` run, `close` it. All on the event loop but for `notify`."""
 
     def __init__(self, database: Database, *, clock: Clock, rng: random.Random, limits: Limits = LIMITS) -> None:
         self._database = database
@@ -49,7 +47,7 @@ class QueueDesk:
         self._loop: asyncio.AbstractEventLoop | None = None
         self.dispatcher = Dispatcher(database, clock=clock, rng=rng, limits=limits)
         self._acceptor = Acceptor(database, clock=clock, limits=limits, accepted=self._note)
-        self._replaying = Replaying(database, clock=clock, limits=limits, noted=self.dispatcher.noted)
+        self._replays = ReplayRunner(database, clock=clock, limits=limits, notify=self.dispatcher.notify)
 
     def handle(self, kind: str, handler: Handler) -> None:
         """From now on this one delivers what is of that kind; what is of no handler's waits until it is too old."""
@@ -66,7 +64,7 @@ class QueueDesk:
 
     async def close(self, *, timeout_s: float = CLOSE_S) -> None:
         """Accept what was asked, let what is under way come to its end for a while, and give the rest back."""
-        await self._replaying.close()
+        await self._replays.close()
         await self._acceptor.close()
         await self.dispatcher.close(timeout_s=timeout_s)
 
@@ -81,33 +79,33 @@ class QueueDesk:
         """
         return await self._acceptor.accept(puts)
 
-    def noted(self, puts: Sequence[Put]) -> None:
+    def notify(self, puts: Sequence[Put]) -> None:
         """Somebody puts these in a transaction of the store's own, on its thread: deliver them when it is over."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._note, puts)
 
     def wake(self) -> None:
         """A handler has room again."""
-        self.dispatcher.noted([])
+        self.dispatcher.notify([])
 
     async def status(self) -> QueueStatus:
         """How it stands. Raises StoreError."""
-        held = await look(self._database, totals)
-        return QueueStatus(totals=held, under_way=len(self.dispatcher.flights), counts=self.dispatcher.counts)
+        held = await read_snapshot(self._database, totals)
+        return QueueStatus(totals=held, under_way=len(self.dispatcher.in_flight), counts=self.dispatcher.counts)
 
     async def backlog(self, kind: str, target: str) -> Backlog:
         """What one target has. Raises StoreError."""
-        return await look(self._database, lambda engine: deliveries.backlog(engine, kind, target))
+        return await read_snapshot(self._database, lambda engine: deliveries.backlog(engine, kind, target))
 
     async def delivery(self, delivery_id: str) -> Delivery | None:
         """One delivery with its payload, in whatever state; None where it is not kept. Raises StoreError."""
-        return await look(self._database, lambda engine: deliveries.delivery(engine, delivery_id))
+        return await read_snapshot(self._database, lambda engine: deliveries.delivery(engine, delivery_id))
 
     async def dead_page(
         self, wanted: DeadFilter, *, before: tuple[int, str] | None = None, limit: int
     ) -> list[Delivery]:
         """Dead letters without their payloads, the newest first; `before` is the last one's `ended_ns` and id."""
-        return await look(
+        return await read_snapshot(
             self._database, lambda engine: dead_letters.dead_page(engine, wanted, before=before, limit=limit)
         )
 
@@ -122,7 +120,7 @@ class QueueDesk:
         def some(before: DeadFilter, limit: int, engine: StoreEngine) -> int:
             now_ns = self._clock.wall_ns()
             moved = dead_letters.redrive(engine, before, gateway=gateway, now_ns=now_ns, limit=limit, limits=limits)
-            self.noted([Put(kind=kind, target=target, payload=b"") for kind, target in dict.fromkeys(moved)])
+            self.notify([Put(kind=kind, target=target, payload=b"") for kind, target in dict.fromkeys(moved)])
             return len(moved)
 
         return await self._page_through(wanted, some, most)
@@ -143,15 +141,15 @@ class QueueDesk:
         Raises:
             TooManyError: too many replays go on.
         """
-        return await self._replaying.begin(replay, match, put_again)
+        return await self._replays.begin(replay, match, put_again)
 
     async def replays(self) -> list[Replay]:
         """Those that have not ended, then the others, the newest first. Raises StoreError."""
-        return await self._replaying.list()
+        return await self._replays.list()
 
     async def stop_replay(self, replay_id: str) -> bool:
         """End one as it is; False where it is over, or none. Raises StoreError."""
-        return await self._replaying.stop(replay_id)
+        return await self._replays.stop(replay_id)
 
     async def _page_through(
         self, wanted: DeadFilter, some: Callable[[DeadFilter, int, StoreEngine], int], most: int | None
@@ -168,4 +166,4 @@ class QueueDesk:
         return done
 
     def _note(self, puts: Sequence[Put]) -> None:
-        self.dispatcher.noted([Ready(one.kind, one.target, one.due_ns) for one in puts])
+        self.dispatcher.notify([Ready(one.kind, one.target, one.due_ns) for one in puts])

@@ -1,4 +1,4 @@
-"""Delivering once more what happened in a span of time: at its own pace, resumable, each happening once a replay."""
+"""Runs replays: events of a span are delivered once more, at their own pace, resumable, each once a replay."""
 
 from __future__ import annotations
 
@@ -8,40 +8,40 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gateway.domain.delivery import Put
+from gateway.automation.queue.database import Database, read_snapshot
+from gateway.domain.automation.delivery import Put
+from gateway.domain.automation.gateway_event import GatewayEvent, Replay
 from gateway.domain.errors import QueueFullError
-from gateway.domain.happening import Happening, Replay
 from gateway.errors import StoreError, TooManyError
-from gateway.queue.database import Database, look
-from gateway.store.deliveries import Ready, put
+from gateway.store.automation.deliveries import Ready, put
+from gateway.store.automation.gateway_events import Cursor, read_gateway_events
+from gateway.store.automation.replays import add_replay, advance_replay, end_replay, read_replay, read_replays
 from gateway.store.engine import StoreEngine
-from gateway.store.happenings import Cursor, read_happenings
-from gateway.store.replays import add_replay, advance_replay, end_replay, read_replay, read_replays
 from metaros.clock import Clock
 from metaros.limits import Limits
 
-__all__ = ["FAILED", "STOPPED", "Match", "PutAgain", "Replaying"]
+__all__ = ["FAILED", "STOPPED", "Match", "PutAgain", "ReplayRunner"]
 
 log = logging.getLogger(__name__)
 
-Match = Callable[[Happening], bool]
-PutAgain = Callable[[Happening], Sequence[Put]]
+Match = Callable[[GatewayEvent], bool]
+PutAgain = Callable[[GatewayEvent], Sequence[Put]]
 
 FAILED, STOPPED = "replay_failed", "stopped"
-PAGE = 50  # happenings of one transaction
+PAGE = 50  # events of one transaction
 AGAIN_S = 1.0
 
 
-class Replaying:
-    """The replays of this gateway; `noted` is told of what they put."""
+class ReplayRunner:
+    """The replays of this gateway; `notify` is told of what they put."""
 
     def __init__(
-        self, database: Database, *, clock: Clock, limits: Limits, noted: Callable[[Sequence[Ready]], None]
+        self, database: Database, *, clock: Clock, limits: Limits, notify: Callable[[Sequence[Ready]], None]
     ) -> None:
         self._database = database
         self._clock = clock
         self._limits = limits
-        self._noted = noted
+        self._notify = notify
         self._running: dict[str, asyncio.Task[None]] = {}
 
     async def begin(self, replay: Replay, match: Match, put_again: PutAgain) -> Replay:
@@ -67,7 +67,9 @@ class Replaying:
 
     async def list(self) -> list[Replay]:
         """Those that go on (here, elsewhere, or since a restart nowhere), then those that ended, the newest first."""
-        return await look(self._database, lambda engine: read_replays(engine, limit=2 * self._limits.replays_kept))
+        return await read_snapshot(
+            self._database, lambda engine: read_replays(engine, limit=2 * self._limits.replays_kept)
+        )
 
     async def close(self) -> None:
         """Leave them as they are: they can be gone on with."""
@@ -94,24 +96,26 @@ class Replaying:
             await asyncio.sleep(read / self._limits.replay_per_s)
 
     async def _page(self, replay: Replay, match: Match, put_again: PutAgain) -> int:
-        """Put what is wanted of the next happenings; how many those were, 0 at the end."""
+        """Put what is wanted of the next events; how many those were, 0 at the end."""
 
-        def read(engine: StoreEngine) -> tuple[Cursor, list[tuple[Cursor, Happening]]] | None:
+        def read(engine: StoreEngine) -> tuple[Cursor, list[tuple[Cursor, GatewayEvent]]] | None:
             found = read_replay(engine, replay.id)
             if found is None or found[0].ended_ns:
                 return None
-            return found[1], read_happenings(engine, replay.span, after=found[1], limit=PAGE)
+            return found[1], read_gateway_events(engine, replay.span, after=found[1], limit=PAGE)
 
-        page = await look(self._database, read)
+        page = await read_snapshot(self._database, read)
         if page is None:
             return 0
         _, rows = page
         if not rows:
             await self._end(replay, "")
             return 0
-        puts = [one for _, happening in rows if match(happening) for one in _again(replay, happening, put_again)]
+        puts = [
+            one for _, gateway_event in rows if match(gateway_event) for one in _again(replay, gateway_event, put_again)
+        ]
         if await self._database.run(functools.partial(self._put, replay, rows[-1][0], len(rows), puts)):
-            self._noted([Ready(one.kind, one.target, one.due_ns) for one in puts])
+            self._notify([Ready(one.kind, one.target, one.due_ns) for one in puts])
             return len(rows)
         return 0
 
@@ -127,6 +131,6 @@ class Replaying:
         await self._database.run(lambda engine: end_replay(engine, replay.id, now_ns=now_ns, code=code))
 
 
-def _again(replay: Replay, happening: Happening, put_again: PutAgain) -> list[Put]:
-    key = f"replay/{replay.id}/{happening.source}/{happening.id}"
-    return [replace(one, dedup=f"{key}/{number}") for number, one in enumerate(put_again(happening))]
+def _again(replay: Replay, gateway_event: GatewayEvent, put_again: PutAgain) -> list[Put]:
+    key = f"replay/{replay.id}/{gateway_event.source}/{gateway_event.id}"
+    return [replace(one, dedup=f"{key}/{number}") for number, one in enumerate(put_again(gateway_event))]

@@ -1,4 +1,4 @@
-"""Storing what came of deliveries: many in one transaction, and again where the store cannot now."""
+"""Stores the results of deliveries: many in one transaction, retried while the store cannot."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gateway.domain.delivery import WAITING, Delivery, Handler, Put, Result
+from gateway.automation.queue.backoff import attempt_result, end_of
+from gateway.automation.queue.database import Database
+from gateway.automation.queue.group_commit import GroupCommit
+from gateway.domain.automation.delivery import WAITING, Delivery, Handler, Put, Result
 from gateway.errors import StoreError, UnstorableError
-from gateway.queue.backoff import end_of, turn_of
-from gateway.queue.database import Database
-from gateway.queue.group_commit import GroupCommit
-from gateway.store.deliveries import Ready, Turn, settle
+from gateway.store.automation.deliveries import AttemptResult, Ready, settle
 from metaros.clock import Clock
 from metaros.limits import Limits
 
-__all__ = ["Settling"]
+__all__ = ["ResultWriter"]
 
 log = logging.getLogger(__name__)
 
@@ -26,8 +26,8 @@ TOGETHER = 512
 AGAIN_S = 0.5
 
 
-class Settling:
-    """`noted` is told of what waits again or newly; `counts` are the ends by state since the start."""
+class ResultWriter:
+    """`notify` is told of what waits again or newly; `counts` are the ends by state since the start."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class Settling:
         clock: Clock,
         rng: random.Random,
         limits: Limits,
-        noted: Callable[[Sequence[Ready]], None],
+        notify: Callable[[Sequence[Ready]], None],
     ) -> None:
         self.counts: Counter[str] = Counter()
         self._database = database
@@ -45,52 +45,52 @@ class Settling:
         self._clock = clock
         self._rng = rng
         self._limits = limits
-        self._noted = noted
-        self._group = GroupCommit[Turn, bool](
+        self._notify = notify
+        self._group = GroupCommit[AttemptResult, bool](
             self._commit,
-            size_bytes=lambda turn: sum(len(one.payload) for one in turn.puts),
+            size_bytes=lambda outcome: sum(len(one.payload) for one in outcome.puts),
             most_items=TOGETHER,
             most_bytes=limits.delivery_batch_bytes,
         )
 
     async def settle(self, handler: Handler | None, delivery: Delivery, result: Result) -> None:
         """Store a try's result, however long the store takes to be there again."""
-        turn = turn_of(delivery, result, rng=self._rng, now_ns=self._clock.wall_ns())
-        turn = replace(turn, puts=(*turn.puts, *_follows(handler, delivery, result)))
+        outcome = attempt_result(delivery, result, rng=self._rng, now_ns=self._clock.wall_ns())
+        outcome = replace(outcome, puts=(*outcome.puts, *_follows(handler, delivery, result)))
         while True:
             try:
-                ours = await self._group.submit(turn)
+                ours = await self._group.submit(outcome)
             except UnstorableError as error:
-                if not turn.puts:
+                if not outcome.puts:
                     log.error("how delivery %s ended can never be stored: %s", delivery.id, error)
                     return
                 log.error("what follows from delivery %s can never be stored: %s", delivery.id, error)
-                turn = replace(turn, puts=())
+                outcome = replace(outcome, puts=())
             except StoreError as error:
                 log.debug("delivery %s waits for the store: %s", delivery.id, error)
                 await asyncio.sleep(AGAIN_S)
             else:
                 break
         if ours:
-            self._tell(turn)
+            self._report(outcome)
 
-    def _tell(self, turn: Turn) -> None:
-        self.counts[turn.state] += 1
-        again = [turn.delivery.put] if turn.state == WAITING else []
-        rows = [Ready(one.kind, one.target, turn.due_ns) for one in again]
-        self._noted([*rows, *(Ready(one.kind, one.target, one.due_ns) for one in turn.puts)])
+    def _report(self, outcome: AttemptResult) -> None:
+        self.counts[outcome.state] += 1
+        again = [outcome.delivery.put] if outcome.state == WAITING else []
+        rows = [Ready(one.kind, one.target, outcome.due_ns) for one in again]
+        self._notify([*rows, *(Ready(one.kind, one.target, one.due_ns) for one in outcome.puts)])
 
-    async def _commit(self, turns: Sequence[Turn]) -> Sequence[bool | Exception]:
+    async def _commit(self, outcomes: Sequence[AttemptResult]) -> Sequence[bool | Exception]:
         now_ns = self._clock.wall_ns()
         names = {"holder": self._holder, "gateway": self._database.gateway_id}
         try:
             return await self._database.run(
-                lambda engine: settle(engine, turns, **names, now_ns=now_ns, limits=self._limits)
+                lambda engine: settle(engine, outcomes, **names, now_ns=now_ns, limits=self._limits)
             )
         except UnstorableError as error:
-            if len(turns) == 1:
+            if len(outcomes) == 1:
                 return [error]
-            return [answer for one in turns for answer in await self._commit([one])]
+            return [answer for one in outcomes for answer in await self._commit([one])]
 
 
 def _follows(handler: Handler | None, delivery: Delivery, result: Result) -> Sequence[Put]:

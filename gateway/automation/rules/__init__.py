@@ -1,1 +1,1 @@
-"""Rules: which happenings set off what."""
+"""Rules: which events set off what."""

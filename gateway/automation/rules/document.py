@@ -10,20 +10,20 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.delivery import Policy
-from gateway.domain.rule import Maker, StoredRule
-from gateway.domain.shapes import SHAPES
-from gateway.rules.errors import RuleInvalidError
-from gateway.rules.rule import MetricSource, Rule, ScheduleSource, Target, TopicSource
-from gateway.rules.target_kinds import SERVICES, Field, target_kind
-from gateway.rules.transform import KEYS, parse_transform
+from gateway.automation.rules.errors import RuleInvalidError
+from gateway.automation.rules.rule import MetricSource, Rule, ScheduleSource, Target, TopicSource
+from gateway.automation.rules.target_kinds import SERVICES, Field, target_kind
+from gateway.automation.rules.transform import KEYS, parse_transform
+from gateway.domain.automation.delivery import Policy
+from gateway.domain.automation.rule import Maker, StoredRule
+from gateway.domain.automation.shapes import SHAPES
+from metaros.automation.rules.errors import RuleTextError
+from metaros.automation.rules.pattern import Pattern, compile_pattern
+from metaros.automation.rules.schedule import Schedule
+from metaros.automation.rules.when import When
 from metaros.errors import NameError_
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS, Limits
-from metaros.rules.errors import RuleTextError
-from metaros.rules.pattern import Pattern, compile_pattern
-from metaros.rules.schedule import Schedule
-from metaros.rules.when import When
 
 __all__ = ["FIELDS", "MISFIRES", "read_rule", "read_stored"]
 

@@ -1,4 +1,4 @@
-"""What a dry run looks at: happenings, samples and values of the past, by their time."""
+"""What a dry run looks at: events, samples and values of the past, by their time."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from gateway.domain.happening import SCHEDULE, Happening, Span
+from gateway.automation.rules.metric_event import metric_event
+from gateway.automation.rules.rule import Rule
+from gateway.automation.sample_events import SampleReader
+from gateway.domain.automation.gateway_event import SCHEDULE, GatewayEvent, Span
+from gateway.domain.automation.shapes import moment
 from gateway.domain.sample import Sample
-from gateway.domain.shapes import moment
-from gateway.rules.metric_happening import metric_happening
-from gateway.rules.rule import Rule
-from gateway.sample_happenings import SampleReader
+from gateway.store.automation.gateway_events import Cursor, read_gateway_events
 from gateway.store.engine import StoreEngine
-from gateway.store.happenings import Cursor, read_happenings
-from gateway.store.query import SeriesFacts, StoredRobot
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
-from gateway.store.series import Method, SeriesRange
+from gateway.store.telemetry.query import SeriesFacts, StoredRobot
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.telemetry.series import Method, SeriesRange
 from metaros.idl.globs import Glob
 from metaros.limits import Limits
 
-__all__ = ["History", "happenings", "samples", "schedule", "values"]
+__all__ = ["History", "gateway_events", "samples", "schedule", "values"]
 
 Result = TypeVar("Result")
 PAGE = 1000
@@ -62,33 +62,33 @@ class History(Protocol):
         """Series between two stamps."""
 
 
-async def happenings(history: History, from_ns: int, until_ns: int) -> AsyncIterator[Happening]:
+async def gateway_events(history: History, from_ns: int, until_ns: int) -> AsyncIterator[GatewayEvent]:
     """What the journal has, and what was kept besides."""
     after: Cursor | None = None
     span = Span(from_ns=from_ns, to_ns=until_ns)
     while True:
         cursor = after
 
-        def job(engine: StoreEngine, cursor: Cursor | None = cursor) -> list[tuple[Cursor, Happening]]:
+        def job(engine: StoreEngine, cursor: Cursor | None = cursor) -> list[tuple[Cursor, GatewayEvent]]:
             with engine.transaction(write=False):
-                return read_happenings(engine, span, after=cursor, limit=PAGE)
+                return read_gateway_events(engine, span, after=cursor, limit=PAGE)
 
         page = await history.read_slowly(job)
-        for _, happening in page:
-            yield happening
+        for _, gateway_event in page:
+            yield gateway_event
         if len(page) < PAGE:
             return
         after = page[-1][0]
 
 
-async def schedule(rule: Rule, from_ns: int, until_ns: int) -> AsyncIterator[Happening]:
+async def schedule(rule: Rule, from_ns: int, until_ns: int) -> AsyncIterator[GatewayEvent]:
     """The times of a rule's schedule."""
     assert rule.schedule is not None
     at_ns = rule.schedule.schedule.next_after(from_ns - 1)
     for _ in range(MOST_TIMES):
         if at_ns is None or at_ns >= until_ns:
             return
-        yield Happening(
+        yield GatewayEvent(
             id=f"{rule.name}/{moment(at_ns, 'seconds')}", type=SCHEDULE, source="metaros.schedule", at_ns=at_ns
         )
         at_ns = rule.schedule.schedule.next_after(at_ns)
@@ -96,22 +96,22 @@ async def schedule(rule: Rule, from_ns: int, until_ns: int) -> AsyncIterator[Hap
 
 async def samples(
     history: History, rule: Rule, from_ns: int, until_ns: int, limits: Limits
-) -> AsyncIterator[Happening]:
+) -> AsyncIterator[GatewayEvent]:
     """The messages of a rule's topic, of all its robots together."""
     assert rule.topic is not None
     glob, reader = Glob(rule.topic.topic), SampleReader(limits=limits)
     sources = [
         _robot_samples(history, robot, glob, reader, from_ns, until_ns) for robot in await _robots(history, rule)
     ]
-    heap: list[tuple[int, int, Happening]] = []
+    heap: list[tuple[int, int, GatewayEvent]] = []
     for number, source in enumerate(sources):
         async for first in source:
             heap.append((first.at_ns, number, first))
             break
     heapq.heapify(heap)
     while heap:
-        _, number, happening = heap[0]
-        yield happening
+        _, number, gateway_event = heap[0]
+        yield gateway_event
         following = await anext(sources[number], None)
         if following is None:
             heapq.heappop(heap)
@@ -119,7 +119,9 @@ async def samples(
             heapq.heapreplace(heap, (following.at_ns, number, following))
 
 
-async def values(history: History, rule: Rule, from_ns: int, until_ns: int, limits: Limits) -> AsyncIterator[Happening]:
+async def values(
+    history: History, rule: Rule, from_ns: int, until_ns: int, limits: Limits
+) -> AsyncIterator[GatewayEvent]:
     """The values of a rule's series, of all its robots together."""
     assert rule.metric is not None
     glob = Glob(rule.metric.series, separator=".")
@@ -140,7 +142,7 @@ async def values(history: History, rule: Rule, from_ns: int, until_ns: int, limi
     owners = np.concatenate([np.full(len(one.mean), place) for place, (_, one) in enumerate(found)])
     for place in np.argsort(stamps, kind="stable"):
         robot, one = found[int(owners[place])]
-        yield metric_happening(rule, robot, one.name, int(stamps[place]), float(numbers[place]))
+        yield metric_event(rule, robot, one.name, int(stamps[place]), float(numbers[place]))
 
 
 async def _robots(history: History, rule: Rule) -> list[str]:
@@ -150,7 +152,7 @@ async def _robots(history: History, rule: Rule) -> list[str]:
 
 async def _robot_samples(
     history: History, robot: str, glob: Glob, reader: SampleReader, from_ns: int, until_ns: int
-) -> AsyncIterator[Happening]:
+) -> AsyncIterator[GatewayEvent]:
     after = None
     while True:
         wanted = SampleFilter(start_ns=from_ns, end_ns=until_ns - 1, after=after)
@@ -158,14 +160,14 @@ async def _robot_samples(
         for run in page:
             if glob.matches(run.channel.topic):
                 batch = await history.load(run)
-                for happening in await asyncio.to_thread(_read, robot, batch, reader, from_ns, until_ns):
-                    yield happening
+                for gateway_event in await asyncio.to_thread(_read, robot, batch, reader, from_ns, until_ns):
+                    yield gateway_event
         if len(page) < PAGE:
             return
         after = page[-1].key()
 
 
-def _read(robot: str, batch: StoredBatch, reader: SampleReader, from_ns: int, until_ns: int) -> list[Happening]:
+def _read(robot: str, batch: StoredBatch, reader: SampleReader, from_ns: int, until_ns: int) -> list[GatewayEvent]:
     reader.begin()
     return [
         reader.read(

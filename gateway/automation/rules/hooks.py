@@ -1,4 +1,4 @@
-"""Hooks: doors for others' webhooks. What comes in proves who sent it, and becomes a happening.
+"""Hooks: endpoints for others' webhooks. What comes in proves who sent it, and becomes an event.
 
 The signature is that of Standard Webhooks (https://www.standardwebhooks.com): HMAC-SHA256 over id, time and body. A
 message is taken once, by its id, and only while its time is not far off. All methods on the event loop.
@@ -14,22 +14,22 @@ from typing import Any, TypeVar
 
 import orjson
 
-from gateway.domain.command import new_command_id
-from gateway.domain.happening import WEBHOOK, Happening
+from gateway.automation.outbound.webhook import signature, signing_key
+from gateway.automation.rules.errors import HookExistsError, HookRefusedError, UnknownHookError
+from gateway.automation.rules.event_intake import EventIntake
+from gateway.automation.rules.registry import Database
+from gateway.automation.rules.secrets import Secrets, hook_owner, new_secret
+from gateway.domain.automation.gateway_event import WEBHOOK, GatewayEvent
+from gateway.domain.automation.rule import Hook
+from gateway.domain.fleet.command import new_command_id
 from gateway.domain.principal import Principal, in_scope
-from gateway.domain.rule import Hook
 from gateway.errors import BodyTooLargeError, InvalidRequestError, TooManyError, TooManyRequestsError
-from gateway.outbound.webhook import signature, signing_key
-from gateway.rules.book import Database
-from gateway.rules.errors import HookExistsError, HookRefusedError, UnknownHookError
-from gateway.rules.intake import Intake
-from gateway.rules.secrets import Secrets, hook_owner, new_secret
-from gateway.store import hooks as table
+from gateway.store.automation import hooks as table
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["AUTHS", "HookDesk", "Received"]
+__all__ = ["AUTHS", "HookManager", "Received"]
 
 Result = TypeVar("Result")
 AUTHS = ("signature", "bearer")
@@ -40,7 +40,7 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_.-]{0,62}")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Received:
-    """What became of a webhook: the happening's id, and whether it had come before."""
+    """What became of a webhook: the event's id, and whether it had come before."""
 
     id: str
     duplicate: bool
@@ -54,13 +54,13 @@ class _Bucket:
     at_s: float
 
 
-class HookDesk:
+class HookManager:
     """Makes hooks, and takes what comes to them."""
 
     def __init__(
         self,
         database: Database,
-        intake: Intake,
+        intake: EventIntake,
         secrets: Secrets,
         *,
         clock: Clock,
@@ -160,10 +160,10 @@ class HookDesk:
             said: Any = orjson.loads(body) if body else None
         except orjson.JSONDecodeError as error:
             raise InvalidRequestError(f"a webhook's body is JSON: {error}") from error
-        happening = _happening(hook, headers, said, now_ns)
-        new = await self._intake.accept([happening])
+        gateway_event = _gateway_event(hook, headers, said, now_ns)
+        new = await self._intake.accept([gateway_event])
         await self._count(name, accepted=new)
-        return Received(id=happening.id, duplicate=not new)
+        return Received(id=gateway_event.id, duplicate=not new)
 
     def _take(self, name: str) -> None:
         rate, now_s = self._limits.hook_requests_per_s, self._clock.monotonic_s()
@@ -208,11 +208,11 @@ def _prove(hook: Hook, secret: str, headers: Mapping[str, str], body: bytes, *, 
         raise HookRefusedError("webhook-signature is not of this body, id and time by the hook's secret")
 
 
-def _happening(hook: Hook, headers: Mapping[str, str], said: Any, now_ns: int) -> Happening:
+def _gateway_event(hook: Hook, headers: Mapping[str, str], said: Any, now_ns: int) -> GatewayEvent:
     kept = {name: headers[name][:HEADER_CHARS] for name in KEPT_HEADERS if name in headers}
     given = headers.get("webhook-id", "")
     usable = 0 < len(given) <= HEADER_CHARS and given.isprintable()
-    return Happening(
+    return GatewayEvent(
         id=given if usable else new_command_id(now_ns),
         type=WEBHOOK,
         source=f"metaros.webhook/{hook.name}",

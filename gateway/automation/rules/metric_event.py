@@ -1,19 +1,19 @@
-"""A value of a series as a happening, and the group of a rule that it belongs to."""
+"""A value of a series as an event, and the group of a rule that it belongs to."""
 
 from __future__ import annotations
 
-from gateway.domain.happening import METRIC, Happening
-from gateway.domain.shapes import eventbridge
-from gateway.rules.rule import Rule
-from metaros.rules.when import group_of
+from gateway.automation.rules.rule import Rule
+from gateway.domain.automation.gateway_event import METRIC, GatewayEvent
+from gateway.domain.automation.shapes import eventbridge
+from metaros.automation.rules.when import group_of
 
-__all__ = ["metric_happening", "series_group"]
+__all__ = ["metric_event", "series_group"]
 
 
-def metric_happening(rule: Rule, robot: str, series: str, stamp_ns: int, value: float) -> Happening:
+def metric_event(rule: Rule, robot: str, series: str, stamp_ns: int, value: float) -> GatewayEvent:
     """A value that went beyond a rule's bounds."""
     assert rule.metric is not None
-    return Happening(
+    return GatewayEvent(
         id=f"{robot}/{rule.name}/{stamp_ns}",
         type=METRIC,
         source="metaros.metric",
@@ -36,5 +36,5 @@ def series_group(rule: Rule, robot: str, series: str) -> str:
     """
     if rule.when is None or rule.metric is None:
         return ""
-    group = group_of(rule.when, eventbridge(metric_happening(rule, robot, series, 0, 0.0)))
+    group = group_of(rule.when, eventbridge(metric_event(rule, robot, series, 0, 0.0)))
     return f"{group}/{series}"[:256] if "*" in rule.metric.series else group

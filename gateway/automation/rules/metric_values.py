@@ -7,21 +7,21 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from gateway.automation.rules.evaluation import Evaluation
+from gateway.automation.rules.metric_event import metric_event
+from gateway.automation.rules.rule import Rule
+from gateway.automation.rules.ruleset import Ruleset
+from gateway.domain.automation.shapes import eventbridge
 from gateway.domain.sample import Rows
-from gateway.domain.shapes import eventbridge
-from gateway.rules.metric_happening import metric_happening
-from gateway.rules.rule import Rule
-from gateway.rules.ruleset import Ruleset
-from gateway.rules.turn import Turn
-from metaros.rules.when import When
+from metaros.automation.rules.when import When
 
-__all__ = ["judge_rows", "judge_values"]
+__all__ = ["evaluate_rows", "evaluate_values"]
 
 Stamps = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 
 
-def judge_rows(turn: Turn, ruleset: Ruleset, robot: str, rows: Rows) -> None:
+def evaluate_rows(evaluation: Evaluation, ruleset: Ruleset, robot: str, rows: Rows) -> None:
     """Every rule that is about one of the series of a batch looks at its values."""
     for number, series in enumerate(rows.series):
         watching = ruleset.of_series(robot, series.name)
@@ -33,16 +33,18 @@ def judge_rows(turn: Turn, ruleset: Ruleset, robot: str, rows: Rows) -> None:
         stamps, values = rows.stamps[place], rows.values[place]
         low, high = float(values.min()), float(values.max())
         for rule, group in watching:
-            if not (_within(rule, low, high) and turn.rests(rule, group)):
-                judge_values(turn, rule, group, robot, series.name, stamps, values)
+            if not (_within(rule, low, high) and evaluation.rests(rule, group)):
+                evaluate_values(evaluation, rule, group, robot, series.name, stamps, values)
 
 
-def judge_values(turn: Turn, rule: Rule, group: str, robot: str, series: str, stamps: Stamps, values: Values) -> None:
+def evaluate_values(
+    evaluation: Evaluation, rule: Rule, group: str, robot: str, series: str, stamps: Stamps, values: Values
+) -> None:
     """One rule looks at values of one series of a robot, the oldest first."""
     try:
-        _judge(turn, rule, group, robot, series, stamps, values)
+        _judge(evaluation, rule, group, robot, series, stamps, values)
     except Exception as error:  # whatever somebody put into a rule
-        turn.failed(rule, error)
+        evaluation.failed(rule, error)
 
 
 def _within(rule: Rule, low: float, high: float) -> bool:
@@ -54,7 +56,9 @@ def _within(rule: Rule, low: float, high: float) -> bool:
     return not ((source.above is not None and high > source.above) or (source.below is not None and low < source.below))
 
 
-def _judge(turn: Turn, rule: Rule, group: str, robot: str, series: str, stamps: Stamps, values: Values) -> None:
+def _judge(
+    evaluation: Evaluation, rule: Rule, group: str, robot: str, series: str, stamps: Stamps, values: Values
+) -> None:
     when, source = rule.when, rule.metric
     assert when is not None
     assert source is not None
@@ -65,16 +69,16 @@ def _judge(turn: Turn, rule: Rule, group: str, robot: str, series: str, stamps: 
         beyond |= values < source.below
     if rule.pattern is not None:
         for place in np.flatnonzero(beyond).tolist():
-            happening = metric_happening(rule, robot, series, int(stamps[place]), float(values[place]))
-            beyond[place] = rule.pattern.matches(eventbridge(happening))
-    if not beyond.any() and when.hysteresis is None and not turn.of(rule, group).row.state:
+            gateway_event = metric_event(rule, robot, series, int(stamps[place]), float(values[place]))
+            beyond[place] = rule.pattern.matches(eventbridge(gateway_event))
+    if not beyond.any() and when.hysteresis is None and not evaluation.of(rule, group).row.state:
         return  # as it should be, and was
-    turn.tally(rule).matched += int(beyond.sum())
+    evaluation.counts(rule).matched += int(beyond.sum())
     for place in _steps(when, beyond):
         value = float(values[place])
-        happening = metric_happening(rule, robot, series, int(stamps[place]), value)
+        gateway_event = metric_event(rule, robot, series, int(stamps[place]), value)
         matched = bool(beyond[place]) or when.hysteresis is not None
-        turn.step(rule, when, group, happening, matched, value)
+        evaluation.step(rule, when, group, gateway_event, matched, value)
 
 
 def _steps(when: When, beyond: npt.NDArray[np.bool_]) -> Iterator[int]:

@@ -1,4 +1,4 @@
-"""The book of rules: what there is, who changed it and how, and the set of rules that this gateway goes by.
+"""The registry of rules: what there is, who changed it and how, and the rule set in force at this gateway.
 
 Rules are the store's: every gateway of it notices within `LOOK_S` what another one changed. All methods on the event
 loop; reading rules takes place off it.
@@ -14,20 +14,20 @@ from typing import Any, Protocol, TypeVar
 
 import orjson
 
+from gateway.automation.rules.document import read_rule, read_stored
+from gateway.automation.rules.errors import RuleInvalidError, UnknownRuleError
+from gateway.automation.rules.rule import Rule
+from gateway.automation.rules.ruleset import Ruleset
+from gateway.domain.automation.rule import Maker, RuleEntry, RuleStats, StoredRule
 from gateway.domain.errors import ChangedError
-from gateway.domain.rule import Maker, RuleEntry, RuleStats, StoredRule
 from gateway.errors import StoreError, TooManyError
-from gateway.rules.document import read_rule, read_stored
-from gateway.rules.errors import RuleInvalidError, UnknownRuleError
-from gateway.rules.rule import Rule
-from gateway.rules.ruleset import Ruleset
-from gateway.store import rules as table
+from gateway.store.automation import rules as table
+from gateway.store.automation.rule_states import count_states, forget_rule
 from gateway.store.engine import StoreEngine
-from gateway.store.rule_states import count_states, forget_rule
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Database", "RuleBook", "merged"]
+__all__ = ["Database", "RuleRegistry", "merged"]
 
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
@@ -55,7 +55,7 @@ class Database(Protocol):
         """The same, where it takes long."""
 
 
-class RuleBook:
+class RuleRegistry:
     """`put_in_place` is given the set of rules whenever it is another one."""
 
     def __init__(
@@ -78,14 +78,14 @@ class RuleBook:
 
     async def start(self) -> None:
         """Know the rules of the store. Raises StoreError."""
-        await self.look()
+        await self.refresh()
 
     async def run(self) -> None:
         """Look at what others changed, until cancelled."""
         while self._database.shared:
             await asyncio.sleep(LOOK_S)
             try:
-                await self.look()
+                await self.refresh()
             except StoreError as error:
                 log.debug("rules of other gateways cannot be read now: %s", error)
         await asyncio.Event().wait()
@@ -154,7 +154,7 @@ class RuleBook:
             forget_rule(engine, name)
 
         await self._database.run(job)
-        await self.look()
+        await self.refresh()
 
     async def history(self, name: str, *, limit: int, before: int | None = None) -> list[RuleEntry]:
         """A rule's changes, the newest first, also of one that is gone; UnknownRuleError where there never was one."""
@@ -173,7 +173,7 @@ class RuleBook:
 
         return await self._reading(job)
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Go by the rules as they are in the store now. Raises StoreError."""
         async with self._turn:
             head = self._head
@@ -223,7 +223,7 @@ class RuleBook:
             return revision, known is None
 
         revision, new = await self._database.run(job)
-        await self.look()
+        await self.refresh()
         return replace(made, revision=revision), new
 
     async def _reading(self, job: Callable[[StoreEngine], Result]) -> Result:

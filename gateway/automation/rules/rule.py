@@ -1,4 +1,4 @@
-"""A rule as it was read: where its happenings come from, which of them count, and what they set off."""
+"""A rule as it was read: where its events come from, which of them count, and what they set off."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.domain.delivery import Policy
-from gateway.domain.event import like
-from gateway.domain.rule import Maker
-from gateway.rules.transform import WHOLE, Transform
-from metaros.rules.pattern import Pattern
-from metaros.rules.schedule import Schedule
-from metaros.rules.when import When
+from gateway.automation.rules.transform import WHOLE, Transform
+from gateway.domain.automation.delivery import Policy
+from gateway.domain.automation.event import like
+from gateway.domain.automation.rule import Maker
+from metaros.automation.rules.pattern import Pattern
+from metaros.automation.rules.schedule import Schedule
+from metaros.automation.rules.when import When
 
 __all__ = ["MetricSource", "Rule", "ScheduleSource", "Target", "TopicSource"]
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gateway.rules.metric_happening import series_group
-from gateway.rules.rule import Rule
+from gateway.automation.rules.metric_event import series_group
+from gateway.automation.rules.rule import Rule
+from metaros.automation.rules.index import PatternIndex
 from metaros.idl.globs import Glob
-from metaros.rules.index import PatternIndex
 
 __all__ = ["NOTHING", "Ruleset"]
 
@@ -48,7 +48,7 @@ class Ruleset:
 
     @property
     def on_events(self) -> bool:
-        """Whether any rule is about other happenings."""
+        """Whether any rule is about other events."""
         return len(self._index) > 0
 
     def of_event(self, event: Mapping[str, Any], robot: str) -> dict[Rule, bool]:

@@ -1,4 +1,4 @@
-"""What time brings about: schedules that fire, and timers of rules with a memory. One gateway of a store is on duty.
+"""Fires schedules, and timers of rules with a memory. One gateway of a store is on duty.
 
 When each schedule fires next is stored, and so is what a timer waits for; to fire is one transaction with the delivery
 that follows. Whoever comes on duty, after a crash too, goes on where the last one was. All methods on the event loop.
@@ -10,20 +10,20 @@ import asyncio
 import logging
 from collections.abc import Mapping
 
-from gateway.domain.happening import SCHEDULE, Happening
-from gateway.domain.rule import NextFire
-from gateway.domain.shapes import moment
+from gateway.automation.rules.evaluator import RuleEngine
+from gateway.automation.rules.registry import Database, RuleRegistry
+from gateway.automation.rules.rule import Rule
+from gateway.domain.automation.gateway_event import SCHEDULE, GatewayEvent
+from gateway.domain.automation.rule import NextFire
+from gateway.domain.automation.shapes import moment
 from gateway.errors import StoreError
-from gateway.rules.book import Database, RuleBook
-from gateway.rules.evaluator import RuleEngine
-from gateway.rules.rule import Rule
+from gateway.store.automation.rule_states import due_states, next_fires, write_fires
 from gateway.store.engine import StoreEngine
-from gateway.store.rule_states import due_states, next_fires, write_fires
-from gateway.store.updates import take_duty
+from gateway.store.fleet.updates import take_duty
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Clockwork", "missed"]
+__all__ = ["RuleScheduler", "missed"]
 
 log = logging.getLogger(__name__)
 
@@ -33,27 +33,27 @@ BATCH = 256
 LATE_NS = 60 * 10**9  # what is so late was missed
 
 
-class Clockwork:
+class RuleScheduler:
     """`step` does what is due now; `run` does that until cancelled."""
 
     def __init__(
         self,
         database: Database,
-        book: RuleBook,
+        registry: RuleRegistry,
         engine: RuleEngine,
         *,
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
         self._database = database
-        self._book = book
+        self._registry = registry
         self._engine = engine
         self._clock = clock
         self._limits = limits
         self._arranged = False
         self._duty_s = -DUTY_S
         self.on_duty = False
-        book.listeners.append(self._rearrange)
+        registry.listeners.append(self._rearrange)
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -78,7 +78,7 @@ class Clockwork:
             except BaseException:
                 self._arranged = False
                 raise
-        return await self._fire() | await self._ring()
+        return await self._fire_schedules() | await self._fire_timers()
 
     async def next_fires(self) -> dict[str, NextFire]:
         """When each rule's schedule fires next, and fired last."""
@@ -93,7 +93,7 @@ class Clockwork:
         self._arranged = False
 
     async def _take_duty(self) -> bool:
-        """A store of one's own has nobody else to take turns with."""
+        """A store of one's own needs no leader election."""
         if not self._database.shared:
             self.on_duty = True
             return True
@@ -113,7 +113,7 @@ class Clockwork:
 
     async def _arrange(self) -> None:
         """Every schedule that is new, or another one than before, counts from now on; what is off never fires."""
-        rules = {rule.name: rule for rule in self._book.rules() if rule.schedule is not None}
+        rules = {rule.name: rule for rule in self._registry.rules() if rule.schedule is not None}
         now_ns = self._clock.wall_ns()
 
         def job(engine: StoreEngine) -> None:
@@ -122,14 +122,14 @@ class Clockwork:
 
         await self._database.run(job)
 
-    async def _fire(self) -> bool:
+    async def _fire_schedules(self) -> bool:
         now_ns = self._clock.wall_ns()
         most = self._limits.rule_catch_up
 
         def job(engine: StoreEngine) -> int:
             rules = self._engine.ruleset.rules
             found = next_fires(engine, until_ns=now_ns, limit=BATCH)
-            due: list[tuple[Rule, Happening]] = []
+            due: list[tuple[Rule, GatewayEvent]] = []
             kept: list[NextFire] = []
             for one in found:
                 rule = rules.get(one.rule)
@@ -148,7 +148,7 @@ class Clockwork:
             return False
         return await self._database.run(job) == BATCH
 
-    async def _ring(self) -> bool:
+    async def _fire_timers(self) -> bool:
         now_ns = self._clock.wall_ns()
 
         def job(engine: StoreEngine) -> int:
@@ -202,11 +202,11 @@ def _changed(rules: Mapping[str, Rule], known: Mapping[str, NextFire], now_ns: i
     return rows
 
 
-def _scheduled(rule: Rule, at_ns: int, now_ns: int) -> Happening:
+def _scheduled(rule: Rule, at_ns: int, now_ns: int) -> GatewayEvent:
     """A schedule's time; its id is of the nominal one, so that it is once only."""
     source = rule.schedule
     assert source is not None
-    return Happening(
+    return GatewayEvent(
         id=f"{rule.name}/{moment(at_ns, 'seconds')}",
         type=SCHEDULE,
         source="metaros.schedule",

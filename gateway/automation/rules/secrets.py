@@ -6,10 +6,10 @@ import base64
 import secrets
 from collections.abc import Callable
 
-from gateway.domain.rule import SECRET
-from gateway.rules.book import Database
+from gateway.automation.rules.registry import Database
+from gateway.domain.automation.rule import SECRET
+from gateway.store.automation.hooks import keep_secret, read_secret
 from gateway.store.engine import StoreEngine
-from gateway.store.hooks import keep_secret, read_secret
 from metaros.clock import Clock
 
 __all__ = ["Seal", "Secrets", "Unseal", "hook_owner", "new_secret", "target_owner"]

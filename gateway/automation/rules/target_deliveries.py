@@ -1,4 +1,4 @@
-"""What a rule that fires gives to the queue: one delivery for each of its targets."""
+"""The deliveries of a rule that fires: one for each of its targets."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.command import new_command_id
-from gateway.domain.delivery import Policy, Put
-from gateway.domain.happening import Happening
-from gateway.domain.shapes import SHAPES
-from gateway.rules.rule import Rule, Target
-from gateway.rules.target_kinds import target_kind
-from gateway.rules.transform import RenderedTooLargeError
+from gateway.automation.rules.rule import Rule, Target
+from gateway.automation.rules.target_kinds import target_kind
+from gateway.automation.rules.transform import RenderedTooLargeError
+from gateway.domain.automation.delivery import Policy, Put
+from gateway.domain.automation.gateway_event import GatewayEvent
+from gateway.domain.automation.shapes import SHAPES
+from gateway.domain.fleet.command import new_command_id
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Firing", "FunctionCall", "FunctionPut", "no_functions", "payload_of", "puts_of"]
+__all__ = ["Firing", "FunctionCall", "FunctionPut", "no_functions", "payload_of", "target_deliveries"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Firing:
-    """A rule fired on a happening. `by_timer_ns` is when the timer was due that fired, 0 where the happening itself
+    """A rule fired on an event. `by_timer_ns` is when the timer was due that fired, 0 where the event itself
     did; `ended` says that what had fired is over.
     """
 
     rule: Rule
-    happening: Happening
+    gateway_event: GatewayEvent
     group: str
     now_ns: int
     by_timer_ns: int = 0
@@ -44,7 +44,7 @@ class FunctionCall:
     payload: bytes
     request_id: str
     robot: str
-    happening: str
+    event_id: str
     dedup: str
     policy: Policy
     context: Mapping[str, Any] = field(default_factory=dict)
@@ -59,7 +59,7 @@ def no_functions(call: FunctionCall) -> Put:
         kind="function",
         target=f"{call.name}:{call.qualifier}" if call.qualifier else call.name,
         payload=call.payload,
-        happening=call.happening,
+        event_id=call.event_id,
         robot=call.robot,
         dedup=call.dedup,
         context={**call.context, "request_id": call.request_id},
@@ -67,17 +67,19 @@ def no_functions(call: FunctionCall) -> Put:
     )
 
 
-def puts_of(firing: Firing, function_put: FunctionPut = no_functions, *, limits: Limits = LIMITS) -> list[Put]:
+def target_deliveries(
+    firing: Firing, function_put: FunctionPut = no_functions, *, limits: Limits = LIMITS
+) -> list[Put]:
     """A delivery for each target; of an end only for those that an end concerns.
 
     Raises:
-        ValueError: the happening has not the shape that the rule wants, or is about no robot where a target needs one.
+        ValueError: the event has not the shape that the rule wants, or is about no robot where a target needs one.
     """
     rule = firing.rule
     wanted = [target for target in rule.targets if target.kind == "alert" or not firing.ended]
     if not wanted:
         return []
-    event = SHAPES[rule.event_format](firing.happening)
+    event = SHAPES[rule.event_format](firing.gateway_event)
     return [_put(firing, target, event, function_put, limits) for target in wanted]
 
 
@@ -96,8 +98,8 @@ def payload_of(rule: Rule, target: Target, event: Mapping[str, Any], *, limits: 
 
 
 def _put(firing: Firing, target: Target, event: Mapping[str, Any], function_put: FunctionPut, limits: Limits) -> Put:
-    rule, happening = firing.rule, firing.happening
-    robot = target.fields.get("robot") or happening.robot
+    rule, gateway_event = firing.rule, firing.gateway_event
+    robot = target.fields.get("robot") or gateway_event.robot
     if target_kind(target.kind, "kind").robot and not robot:
         raise ValueError(f"target {target.id} needs a robot, and the event is about none")
     payload = payload_of(rule, target, event, limits=limits)
@@ -118,7 +120,7 @@ def _put(firing: Firing, target: Target, event: Mapping[str, Any], function_put:
                 payload=payload,
                 request_id=new_command_id(firing.now_ns),
                 robot=robot,
-                happening=happening.id,
+                event_id=gateway_event.id,
                 dedup=_dedup(firing, target),
                 policy=target.policy,
                 context={"rule": rule.name, "target": target.id},
@@ -128,7 +130,7 @@ def _put(firing: Firing, target: Target, event: Mapping[str, Any], function_put:
         kind=target.kind,
         target=f"{rule.name}/{target.id}",
         payload=payload,
-        happening=happening.id,
+        event_id=gateway_event.id,
         robot=robot,
         dedup=_dedup(firing, target),
         context=context,
@@ -137,7 +139,7 @@ def _put(firing: Firing, target: Target, event: Mapping[str, Any], function_put:
 
 
 def _dedup(firing: Firing, target: Target) -> str:
-    """Of the same rule, target and happening there is one, and one more for each timer and each end."""
-    parts = (firing.rule.name, target.id, firing.happening.source, firing.happening.id, firing.group)
+    """Of the same rule, target and event there is one, and one more for each timer and each end."""
+    parts = (firing.rule.name, target.id, firing.gateway_event.source, firing.gateway_event.id, firing.group)
     text = "\0".join((*parts, str(firing.by_timer_ns), str(int(firing.ended))))
     return hashlib.blake2b(text.encode(errors="replace"), digest_size=15).hexdigest()

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
+from gateway.automation.rules.errors import RuleInvalidError
 from gateway.domain.finding import SEVERITIES
-from gateway.rules.errors import RuleInvalidError
 from metaros.errors import NameError_
 from metaros.idl.globs import Glob
 

@@ -1,4 +1,4 @@
-"""What a target is given of a happening: all of it, a part, a constant, or a template with values put in.
+"""What a target is given of an event: all of it, a part, a constant, or a template with values put in.
 
 A template is JSON. A string in it that is nothing but `<name>` becomes that value as it is, a number a number; within
 a longer string it becomes text. As values are put into JSON and not into its text, none of them can break out of their
@@ -15,7 +15,7 @@ from typing import Any
 
 import orjson
 
-from gateway.rules.errors import RuleInvalidError
+from gateway.automation.rules.errors import RuleInvalidError
 
 __all__ = ["WHOLE", "Path", "RenderedTooLargeError", "Transform", "parse_transform"]
 

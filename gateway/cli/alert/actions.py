@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_alert_find import AlertId, alert_path
-from gateway.cli_alert_view import state
-from gateway.cli_span import span_s
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from gateway.cli.alert.find import AlertId, alert_path
+from gateway.cli.alert.view import state
+from gateway.cli.time_span import span_s
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
 from metaros.errors import UsageError
 
 __all__ = ["register"]
@@ -80,7 +80,7 @@ def _normal(alert: AlertId, text: Text = "", gateway: GatewayOption = "", output
         return
     _show(out, done["alert"])
     for sentence in done["taught"]:
-        out.line(f"  {inert(sentence)}")
+        out.line(f"  {sanitize(sentence)}")
 
 
 def _silence(
@@ -114,7 +114,7 @@ def _silence(
     if out.json:
         out.objects(made)
         return
-    out.line(f"{inert(made['id'])}: silent until {made['until'][:19].replace('T', ' ')} UTC")
+    out.line(f"{sanitize(made['id'])}: silent until {made['until'][:19].replace('T', ' ')} UTC")
     out.note(f"end it: metaros alert unsilence {made['id']}")
 
 
@@ -126,7 +126,7 @@ def _clip(alert: AlertId, gateway: GatewayOption = "", output: FormatOption = Fo
     if out.json:
         out.objects(made)
         return
-    out.line(inert(made["id"]))
+    out.line(sanitize(made["id"]))
     out.note(f"fetch it: metaros recording get {made['id']}")
 
 
@@ -142,4 +142,4 @@ def _act(alert: str, verb: str, body: dict[str, Any], gateway: str, output: Form
 
 def _show(out: Output, alert: dict[str, Any]) -> None:
     who = f", assigned to {alert['assignee']}" if alert["assignee"] else ""
-    out.line(inert(f"{alert['id']}: {state(alert)}{who}"))
+    out.line(sanitize(f"{alert['id']}: {state(alert)}{who}"))

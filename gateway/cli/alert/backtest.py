@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_alert_view import number, span, stamp
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.alert.view import number, span, stamp
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, sanitize
 from metaros.errors import ConfigError, UsageError
 from metaros.limits import LIMITS
 
@@ -108,7 +108,7 @@ def _value(text: str) -> Any:
 
 
 def _draw(report: Mapping[str, Any], path: Path) -> None:
-    from gateway.backtest.plot import plot_svg
+    from gateway.alerting.backtest.plot import plot_svg
 
     try:
         path.write_text(plot_svg(report))
@@ -120,7 +120,9 @@ def _show(out: Output, report: Mapping[str, Any]) -> None:
     """A line of each series with a mark where it fired, then the alerts that would have been."""
     begin, end = (stamp(report["span"][name]) for name in ("from", "to"))
     samples = f"{report['samples']:,} samples of {len(report['series'])} series".replace(",", " ")
-    out.line(f"{out.style(inert(report['robot']), '1')}  {begin} – {end} UTC  {samples}  in {report['took_s']:.1f} s")
+    out.line(
+        f"{out.style(sanitize(report['robot']), '1')}  {begin} – {end} UTC  {samples}  in {report['took_s']:.1f} s"
+    )
     if report["cut"]:
         out.note("that is as much as one backtest may take: ask for fewer series, or go on at the time where it ended")
     out.line()
@@ -172,7 +174,7 @@ def _sparkline(
     if marks:
         above = "".join(MARK if place in marks else " " for place in range(CELLS)).rstrip()
         out.line(f"  {' ' * 40}  {out.style(above, '1;31')}")
-    out.line(f"  {inert(name).ljust(40)}  {line}  {number(least)} to {number(most)}")
+    out.line(f"  {sanitize(name).ljust(40)}  {line}  {number(least)} to {number(most)}")
 
 
 def _s(time: str) -> float:

@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_alert_view import number, span, stamp
-from gateway.cli_span import span_s
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from gateway.cli.alert.view import number, span, stamp
+from gateway.cli.time_span import span_s
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
 from metaros.errors import PeerError, UsageError
 
 __all__ = ["register"]
@@ -61,7 +61,7 @@ def _unsilence(
     if out.json:
         out.objects(done)
     else:
-        out.line(f"{inert(silence)}: over")
+        out.line(f"{sanitize(silence)}: over")
 
 
 def _checks(
@@ -119,10 +119,10 @@ def _check(
     if out.json:
         out.objects(found)
         return
-    out.line(out.style(inert(found["title"]), "1"))
+    out.line(out.style(sanitize(found["title"]), "1"))
     for name, text in _check_facts(found):
         star = " *" if name in found["changed"] else ""
-        out.line(f"  {out.style(name.removesuffix('_s').ljust(8), '2')}  {inert(text)}{star}")
+        out.line(f"  {out.style(name.removesuffix('_s').ljust(8), '2')}  {sanitize(text)}{star}")
     if found["changed"]:
         out.note(f"* changed by {found['changed_by'] or 'nobody known'}; back: metaros alert check {check} --reset")
 

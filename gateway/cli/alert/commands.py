@@ -8,16 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_alert_actions import register as register_actions
-from gateway.cli_alert_backtest import register as register_backtest
-from gateway.cli_alert_find import AlertId, alert_path
-from gateway.cli_alert_rules import register as register_rules
-from gateway.cli_alert_view import HEADINGS, show_alert, show_change, table_row
-from gateway.domain.event import like
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, events, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
-from metaros.cli.watching import WatchOption, watch
+from gateway.cli.alert.actions import register as register_actions
+from gateway.cli.alert.backtest import register as register_backtest
+from gateway.cli.alert.checks import register as register_rules
+from gateway.cli.alert.find import AlertId, alert_path
+from gateway.cli.alert.view import HEADINGS, show_alert, show_change, table_row
+from gateway.domain.automation.event import like
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, events, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
+from metaros.cli.shared.watch import WatchOption, watch
 from metaros.clock import SystemClock
 from metaros.errors import PeerError
 
@@ -125,11 +125,11 @@ def _watch(
             if name == "lost":
                 out.note(f"{counted(int(event['count']), 'event')} not kept any more")
             elif not cause or any(like(str(event["data"].get("cause", "")), glob) for glob in cause):
-                _tell(out, event)
+                _report(out, event)
         raise PeerError("the gateway ended the stream of alerts\nrun it again: it goes on with what happens now")
 
 
-def _tell(out: Output, event: dict[str, Any]) -> None:
+def _report(out: Output, event: dict[str, Any]) -> None:
     if out.json:
         out.object_line(event)
     else:

@@ -1,4 +1,4 @@
-"""Which alert is meant: by its id, or as ROBOT/CAUSE, of which there is one at a time."""
+"""Resolves the alert of a command: by its id, or as ROBOT/CAUSE, of which there is one at a time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.gateway_http import GatewayClient, path_part
+from metaros.cli.shared.gateway_http import GatewayClient, path_part
 from metaros.errors import UsageError
 
 __all__ = ["AlertId", "alert_path"]

@@ -1,4 +1,4 @@
-"""What `metaros alert` prints for people: rows, one alert in full, and a value beside what was expected of it."""
+"""The output of `metaros alert`: rows, one alert in full, and a value beside what was expected of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from metaros.cli.output import Output, counted, human_seconds, inert
+from metaros.cli.shared.output import Output, counted, human_seconds, sanitize
 
 __all__ = ["HEADINGS", "gauge", "number", "show_alert", "show_change", "span", "stamp", "state", "table_row"]
 
@@ -36,9 +36,9 @@ def state(item: Mapping[str, Any]) -> str:
 def show_alert(out: Output, item: Mapping[str, Any], *, now_ns: int, origin: str) -> None:
     """All of one alert; its page on the dashboard is at `origin`."""
     mark = out.style("✓" if item["state"] == "resolved" else "▲", "32" if item["state"] == "resolved" else "31")
-    out.line(f"{mark} {out.style(inert(item['title']), '1')}")
+    out.line(f"{mark} {out.style(sanitize(item['title']), '1')}")
     if item["reason"] and item["reason"] != item["title"]:
-        out.line(f"  {inert(item['reason'])}")
+        out.line(f"  {sanitize(item['reason'])}")
     if item["value"] is not None and (item["low"] is not None or item["high"] is not None):
         out.line()
         out.line(f"  {gauge(item['low'], item['high'], item['value'])}")
@@ -63,21 +63,21 @@ def _facts(out: Output, item: Mapping[str, Any], now_ns: int, origin: str) -> li
     resolved = f"{stamp(item['resolved'])} UTC {_by(item['resolved_by'])}" if item["resolved"] else ""
     taken = f"{stamp(item['acknowledged'])} UTC {_by(item['acknowledged_by'])}" if item["acknowledged"] else ""
     return [
-        ("alert", inert(item["id"])),
-        ("robot", inert(item["robot"])),
+        ("alert", sanitize(item["id"])),
+        ("robot", sanitize(item["robot"])),
         ("severity", severity),
-        ("state", inert(state(item))),
-        ("cause", inert(item["cause"])),
-        ("series", inert(item["series"])),
-        ("found by", inert(f"{item['detector']}, score {item['score']:.2f}") if item["detector"] else ""),
+        ("state", sanitize(state(item))),
+        ("cause", sanitize(item["cause"])),
+        ("series", sanitize(item["series"])),
+        ("found by", sanitize(f"{item['detector']}, score {item['score']:.2f}") if item["detector"] else ""),
         ("opened", opened),
-        ("acknowledged", inert(taken)),
-        ("assigned to", inert(item["assignee"])),
-        ("resolved", inert(resolved)),
-        ("silence", inert(silence)),
-        ("explained by", inert(inhibited)),
-        ("evidence", inert(f"metaros recording get {item['clip']}") if item["clip"] else ""),
-        ("page", inert(f"{origin}{item['path']}")),
+        ("acknowledged", sanitize(taken)),
+        ("assigned to", sanitize(item["assignee"])),
+        ("resolved", sanitize(resolved)),
+        ("silence", sanitize(silence)),
+        ("explained by", sanitize(inhibited)),
+        ("evidence", sanitize(f"metaros recording get {item['clip']}") if item["clip"] else ""),
+        ("page", sanitize(f"{origin}{item['path']}")),
     ]
 
 
@@ -119,9 +119,9 @@ def show_change(out: Output, change: str, event: Mapping[str, Any]) -> None:
     mark = out.style(CHANGES.get(change, "·"), "32" if change == "resolved" else STYLES.get(severity, "0"))
     word = out.style(severity.ljust(7), STYLES.get(severity, "0"))
     what = ": ".join(str(data[name]) for name in ("title", "reason") if data.get(name)) or str(data.get("cause", ""))
-    alert = out.style(inert(str(data.get("alert", ""))), "2")
+    alert = out.style(sanitize(str(data.get("alert", ""))), "2")
     time = str(event["time"])[11:19]
-    out.line(f"{time}  {alert}  {mark} {change.ljust(12)}  {word}  {inert(robot).ljust(8)}  {inert(what)}")
+    out.line(f"{time}  {alert}  {mark} {change.ljust(12)}  {word}  {sanitize(robot).ljust(8)}  {sanitize(what)}")
 
 
 def gauge(low: float | None, high: float | None, value: float) -> str:

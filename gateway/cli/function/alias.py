@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_view import FunctionName, function_path, moment
-from gateway.cli_span import span_s
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.function.view import FunctionName, function_path, moment
+from gateway.cli.time_span import span_s
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, sanitize
 from metaros.errors import UsageError
 
 __all__ = ["register"]
@@ -35,13 +35,13 @@ def _versions(
     out, http = Output(output), open_gateway(gateway)
     if publish:
         made = http.post(function_path(name, "/versions"), {})
-        out.note(f"{inert(name)}: version {made['version']}")
+        out.note(f"{sanitize(name)}: version {made['version']}")
     found = http.get(function_path(name))["published"]
     out.listing(
         ("Version", "Published (UTC)", "Code", "Description"),
         found,
         lambda one: (one["version"], moment(one["modified"]), one["code_sha256"][:12], one["description"] or "–"),
-        empty=f"{inert(name)} has no version; make one with --publish",
+        empty=f"{sanitize(name)} has no version; make one with --publish",
     )
 
 
@@ -67,7 +67,7 @@ def _alias(
                 *(one["name"], one["version"], _weights(one) or "–"),
                 *(one["canary"]["state"] if one["canary"] else "–", one["description"] or "–"),
             ),
-            empty=f"{inert(name)} has no alias",
+            empty=f"{sanitize(name)} has no alias",
         )
         return
     path = function_path(name, f"/aliases/{path_part(alias)}")
@@ -76,7 +76,7 @@ def _alias(
         if out.json:
             out.objects({"deleted": alias})
         else:
-            out.line(f"{inert(name)}:{inert(alias)}: gone")
+            out.line(f"{sanitize(name)}:{sanitize(alias)}: gone")
         return
     if not version:
         raise UsageError(f"which version does {alias} lead to?\n`metaros function versions {name}` lists them")
@@ -85,7 +85,9 @@ def _alias(
         out.objects(done)
     else:
         others = _weights(done)
-        out.line(f"{inert(name)}:{inert(alias)} leads to version {done['version']}{f', {others}' if others else ''}")
+        out.line(
+            f"{sanitize(name)}:{sanitize(alias)} leads to version {done['version']}{f', {others}' if others else ''}"
+        )
 
 
 def _canary(
@@ -121,12 +123,12 @@ def _canary(
     if out.json:
         out.objects(done)
     elif done is None:
-        out.note(f"{inert(name)}:{inert(alias)} has no canary")
+        out.note(f"{sanitize(name)}:{sanitize(alias)} has no canary")
     else:
         state = done["reason"] or done["state"]
         calls = f"{counted(done['invocations'], 'call')}, {counted(done['errors'], 'error')}"
         share = f"version {done['version']} with {done['weight'] * 100:g} %, beside version {done['stable']}"
-        out.line(inert(f"{name}:{alias}: {state}; {share}; {calls}"))
+        out.line(sanitize(f"{name}:{alias}: {state}; {share}; {calls}"))
 
 
 def _put(http: GatewayClient, path: str, body: dict[str, Any]) -> Any:

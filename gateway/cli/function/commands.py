@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_alias import register as register_alias
-from gateway.cli_function_call import register as register_call
-from gateway.cli_function_dead import register as register_dead
-from gateway.cli_function_deploy import register as register_deploy
-from gateway.cli_function_local import register as register_local
-from gateway.cli_function_replay import register as register_replay
-from gateway.cli_function_view import (
+from gateway.cli.function.alias import register as register_alias
+from gateway.cli.function.dead_letters import register as register_dead
+from gateway.cli.function.deploy import register as register_deploy
+from gateway.cli.function.invoke import register as register_call
+from gateway.cli.function.local import register as register_local
+from gateway.cli.function.replay import register as register_replay
+from gateway.cli.function.view import (
     CALL_HEADINGS,
     HEADINGS,
     FunctionName,
@@ -24,10 +24,10 @@ from gateway.cli_function_view import (
     show_function,
     show_runtime,
 )
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, human_bytes, inert
-from metaros.cli.watching import WatchOption, watch
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, human_bytes, sanitize
+from metaros.cli.shared.watch import WatchOption, watch
 
 __all__ = ["register"]
 
@@ -109,7 +109,7 @@ def _invocations(
                 break
         return found
 
-    empty = f"{inert(name)} was not called yet"
+    empty = f"{sanitize(name)} was not called yet"
     watch(
         out,
         find,
@@ -158,7 +158,7 @@ def _delete(name: FunctionName, gateway: GatewayOption = "", output: FormatOptio
     if out.json:
         out.objects({"deleted": name})
     else:
-        out.line(f"{inert(name)}: deleted")
+        out.line(f"{sanitize(name)}: deleted")
 
 
 def _runtime(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_view import moment
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.function.view import moment
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, sanitize
 from metaros.errors import UsageError
 
 __all__ = ["register"]
@@ -73,9 +73,9 @@ def _show(
         return
     for name in ("id", "kind", "target", "happening", "robot", "code", "message", "tries", "born", "ended"):
         if found[name] != "":
-            out.line(f"  {out.style(name.ljust(9), '2')}  {inert(str(found[name]))}")
+            out.line(f"  {out.style(name.ljust(9), '2')}  {sanitize(str(found[name]))}")
     out.line()
-    out.line(inert(found["payload"]) + (" …" if found["truncated"] else ""))
+    out.line(sanitize(found["payload"]) + (" …" if found["truncated"] else ""))
 
 
 def _redrive(

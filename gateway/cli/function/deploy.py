@@ -10,14 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_input import variables
-from gateway.cli_function_manifest import handler_of, read_manifest
-from gateway.cli_function_pack import Packed, pack
-from gateway.cli_function_view import function_path
-from gateway.cli_span import span_s
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, human_bytes, inert
+from gateway.cli.function.json_input import variables
+from gateway.cli.function.manifest import handler_of, read_manifest
+from gateway.cli.function.pack import Packed, pack
+from gateway.cli.function.view import function_path
+from gateway.cli.time_span import span_s
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, human_bytes, sanitize
 from metaros.errors import RefusedError, UsageError
 
 __all__ = ["Source", "register"]
@@ -86,7 +86,7 @@ def _deploy(
     if found is None and "handler" not in body:
         body["handler"] = handler_of(packed, source)
     done = _send(http, name, packed, body)
-    _tell(out, done, found, alias=alias, published=publish or bool(alias))
+    _report(out, done, found, alias=alias, published=publish or bool(alias))
 
 
 def _given(settings: dict[str, Any]) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _send(http: GatewayClient, name: str, packed: Packed, body: dict[str, Any]) 
         return json.loads(b"".join(answer.pieces()))
 
 
-def _tell(out: Output, done: dict[str, Any], found: Any, *, alias: str, published: bool) -> None:
+def _report(out: Output, done: dict[str, Any], found: Any, *, alias: str, published: bool) -> None:
     if out.json:
         out.objects(done)
         return
@@ -141,7 +141,7 @@ def _tell(out: Output, done: dict[str, Any], found: Any, *, alias: str, publishe
         what = "the same code as before"
     version = f", version {done['published'][-1]['version']}" if published and done["published"] else ""
     leads = f", {alias} leads to it" if alias else ""
-    out.line(f"{out.style('✓', '32')} {inert(done['name'])}: {what}{version}{inert(leads)}")
+    out.line(f"{out.style('✓', '32')} {sanitize(done['name'])}: {what}{version}{sanitize(leads)}")
     out.note(f"call it   metaros function invoke {done['name']}")
     if not done["triggers"]:
         out.note("or        metaros rule put rules.yaml: a rule calls it when something happens")

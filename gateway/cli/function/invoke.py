@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_input import payload_of
-from gateway.cli_function_view import FunctionName, function_path, log_line, show_outcome
-from gateway.sample_events import SAMPLE_EVENTS
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, events, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from gateway.automation.functions.example_events import EXAMPLE_EVENTS
+from gateway.cli.function.json_input import payload_of
+from gateway.cli.function.view import FunctionName, function_path, log_line, show_outcome
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, events, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
 from metaros.errors import PeerError, UsageError
 
 __all__ = ["Data", "Event", "register"]
@@ -52,7 +52,7 @@ def _invoke(
     if out.json:
         out.objects(done)
     elif later:
-        out.line(inert(done["request_id"]))
+        out.line(sanitize(done["request_id"]))
         out.note(f"accepted: it will be called at least once; see metaros function invocations {name}")
     else:
         show_outcome(out, done, tail=tail)
@@ -77,7 +77,7 @@ def _logs(
         _print(out, line)
     if not follow:
         if not lines:
-            out.note(f"{inert(name)} printed nothing that is still there")
+            out.note(f"{sanitize(name)} printed nothing that is still there")
         return
     query = {"after": lines[-1]["cursor"] if lines else None}
     headers = {"Accept": "text/event-stream"}
@@ -106,13 +106,13 @@ def _events(
     """Events to try a function with, each as the real one looks."""
     out = Output(output)
     if event:
-        if event not in SAMPLE_EVENTS:
-            raise UsageError(f"there is no event {event}; there are {', '.join(SAMPLE_EVENTS)}")
-        found = SAMPLE_EVENTS[event].event
+        if event not in EXAMPLE_EVENTS:
+            raise UsageError(f"there is no event {event}; there are {', '.join(EXAMPLE_EVENTS)}")
+        found = EXAMPLE_EVENTS[event].event
         if out.json:
             out.objects(found)
         else:
             out.line(json.dumps(found, indent=2, ensure_ascii=False))
         return
-    rows = [{"name": row.name, "meaning": row.meaning} for row in SAMPLE_EVENTS.values()]
+    rows = [{"name": row.name, "meaning": row.meaning} for row in EXAMPLE_EVENTS.values()]
     out.listing(("Event", "When"), rows, lambda item: (item["name"], item["meaning"]))

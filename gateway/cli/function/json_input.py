@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gateway.sample_events import SAMPLE_EVENTS
+from gateway.automation.functions.example_events import EXAMPLE_EVENTS
 from metaros.errors import UsageError
 from metaros.limits import LIMITS
 
@@ -37,9 +37,9 @@ def payload_of(data: str, event: str) -> Any:
         raise UsageError("say either --data or --event")
     if not event:
         return given_json(data, "--data") if data else {}
-    if event not in SAMPLE_EVENTS:
-        raise UsageError(f"there is no event {event}; there are {', '.join(SAMPLE_EVENTS)}")
-    return SAMPLE_EVENTS[event].event
+    if event not in EXAMPLE_EVENTS:
+        raise UsageError(f"there is no event {event}; there are {', '.join(EXAMPLE_EVENTS)}")
+    return EXAMPLE_EVENTS[event].event
 
 
 def variables(said: Sequence[str]) -> dict[str, str]:

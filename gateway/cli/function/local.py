@@ -12,18 +12,18 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_call import Data, Event
-from gateway.cli_function_deploy import Handler, Source
-from gateway.cli_function_input import payload_of, variables
-from gateway.cli_function_manifest import handler_of, read_manifest
-from gateway.cli_function_pack import pack
-from gateway.cli_function_view import show_outcome
-from gateway.cli_span import span_s
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
+from gateway.cli.function.deploy import Handler, Source
+from gateway.cli.function.invoke import Data, Event
+from gateway.cli.function.json_input import payload_of, variables
+from gateway.cli.function.manifest import handler_of, read_manifest
+from gateway.cli.function.pack import pack
+from gateway.cli.function.view import show_outcome
+from gateway.cli.time_span import span_s
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
 from metaros.clock import SystemClock
 from metaros.errors import UsageError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
 
 __all__ = ["TEMPLATES", "register", "run_here"]
 
@@ -60,7 +60,7 @@ def _init(
     target = folder or Path(template)
     if target.exists() and any(target.iterdir() if target.is_dir() else [target]):
         raise UsageError(f"{target} is there already\ngive another FOLDER")
-    with as_file(files("gateway") / "function_templates" / template) as source:
+    with as_file(files("gateway.automation") / "function_templates" / template) as source:
         shutil.copytree(source, target, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
     made = sorted(path.name for path in target.iterdir())
     if out.json:
@@ -107,8 +107,8 @@ def _test(
 
 async def run_here(data: bytes, name: str, payload: bytes, settings: dict[str, Any]) -> tuple[Outcome, str]:
     """Run packed code once in an engine of its own; what came of it, and the level of the sandbox."""
-    from metaros.functions.engine import Engine
-    from metaros.functions.package import discard
+    from metaros.automation.functions.engine import Engine
+    from metaros.automation.functions.package import discard
 
     clock = SystemClock()
     with tempfile.TemporaryDirectory(prefix="metaros-function-") as temporary:
@@ -128,7 +128,7 @@ async def run_here(data: bytes, name: str, payload: bytes, settings: dict[str, A
 
 
 def _unpacked(data: bytes, folder: Path) -> Path:
-    from metaros.functions.package import check_zip, unpack
+    from metaros.automation.functions.package import check_zip, unpack
 
     folder.chmod(0o755)  # workers are other users where this one is root
     check_zip(data)

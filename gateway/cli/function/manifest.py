@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from gateway.cli_function_pack import Packed
+from gateway.cli.function.pack import Packed
 from metaros.errors import UsageError
 
 __all__ = ["MANIFEST", "handler_of", "read_manifest"]

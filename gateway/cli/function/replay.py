@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_input import given_json
-from gateway.cli_function_view import FunctionName, function_path, moment
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.function.json_input import given_json
+from gateway.cli.function.view import FunctionName, function_path, moment
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, sanitize
 from metaros.errors import PeerError
 
 __all__ = ["register"]
@@ -90,4 +90,4 @@ def _replays(
 
 
 def _line(replay: Any) -> str:
-    return inert(f"{replay['id']}: {replay['state']}, {counted(replay['put'], 'event')} of {replay['seen']}")
+    return sanitize(f"{replay['id']}: {replay['state']}, {counted(replay['put'], 'event')} of {replay['seen']}")

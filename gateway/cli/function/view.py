@@ -1,4 +1,4 @@
-"""What `metaros function` prints for people: rows, one function in full, what came of a call, where they run."""
+"""The output of `metaros function`: rows, one function in full, the result of a call, the runtime."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import path_part
-from metaros.cli.output import Output, counted, human_bytes, inert
+from metaros.cli.shared.gateway_http import path_part
+from metaros.cli.shared.output import Output, counted, human_bytes, sanitize
 
 __all__ = [
     "CALL_HEADINGS",
@@ -81,17 +81,17 @@ def moment(text: str, *, seconds: bool = False) -> str:
 def show_function(out: Output, item: Mapping[str, Any], *, origin: str) -> None:
     """All of one; its page on the dashboard is at `origin`."""
     mark = out.style("●", "32" if item["state"] == "Active" else "31")
-    out.line(f"{mark} {out.style(inert(item['name']), '1')}")
+    out.line(f"{mark} {out.style(sanitize(item['name']), '1')}")
     if item["description"]:
-        out.line(f"  {inert(item['description'])}")
+        out.line(f"  {sanitize(item['description'])}")
     out.line()
     facts = [(name, text) for name, text in _facts(item, origin) if text]
     width = max(len(name) for name, _ in facts)
     for name, text in facts:
-        out.line(f"  {out.style(name.ljust(width), '2')}  {inert(text)}")
+        out.line(f"  {out.style(name.ljust(width), '2')}  {sanitize(text)}")
     for one in item["triggers"]:
         off = "" if one["enabled"] else " (off)"
-        out.line(f"  {out.style('called by'.ljust(width), '2')}  {inert(one['kind'])} {inert(one['title'])}{off}")
+        out.line(f"  {out.style('called by'.ljust(width), '2')}  {sanitize(one['kind'])} {sanitize(one['title'])}{off}")
 
 
 def _facts(item: Mapping[str, Any], origin: str) -> list[tuple[str, str]]:
@@ -138,7 +138,7 @@ def show_outcome(out: Output, done: Mapping[str, Any], *, tail: bool) -> None:
             out.note(f"│ {log_line(out, line)}")
     ok, payload = done["status"] == "ok", done["payload"]
     if ok:
-        out.line(inert(payload) if isinstance(payload, str) else json.dumps(payload, indent=2, ensure_ascii=False))
+        out.line(sanitize(payload) if isinstance(payload, str) else json.dumps(payload, indent=2, ensure_ascii=False))
     else:
         _show_error(out, done["error_type"], payload)
     cold = f" after a cold start of {milliseconds(done['init_ms'])}" if done["init_ms"] else ""
@@ -151,22 +151,22 @@ def show_outcome(out: Output, done: Mapping[str, Any], *, tail: bool) -> None:
 def _show_error(out: Output, kind: str, payload: Any) -> None:
     document = payload if isinstance(payload, Mapping) else {}
     text = document.get("errorMessage", payload if isinstance(payload, str) else "")
-    out.line(f"{out.style(inert(kind), '1;31')}: {inert(str(text))}")
+    out.line(f"{out.style(sanitize(kind), '1;31')}: {sanitize(str(text))}")
     for frame in document.get("stackTrace") or ():
         for line in str(frame).rstrip("\n").split("\n"):
-            out.line(f"  {inert(line)}")
+            out.line(f"  {sanitize(line)}")
 
 
 def log_line(out: Output, text: str) -> str:
     """A line of a log; what the platform writes is dim."""
-    shown = inert(text.replace("\t", "  ").replace("\xa0", " "))  # AWS's client indents tracebacks by hard spaces
+    shown = sanitize(text.replace("\t", "  ").replace("\xa0", " "))  # AWS's client indents tracebacks by hard spaces
     return out.style(shown, "2") if text.startswith(MARKS) else shown
 
 
 def show_runtime(out: Output, item: Mapping[str, Any]) -> None:
     """The sandbox with its reasons, and the pools."""
     if item["trouble"] or not item["on"]:
-        out.line(f"{out.style('✗', '31')} no function runs here: {inert(item['trouble'] or 'turned off')}")
+        out.line(f"{out.style('✗', '31')} no function runs here: {sanitize(item['trouble'] or 'turned off')}")
     elif not item["started"]:
         out.line(f"{out.style('○', '2')} not started: the first call does, and finds out which sandbox there is")
     else:
@@ -176,7 +176,7 @@ def show_runtime(out: Output, item: Mapping[str, Any]) -> None:
     for level in sorted(item["reasons"], reverse=True):
         reason = item["reasons"][level]
         mark = out.style("✓", "32") if reason == "ok" else out.style("✗", "31")
-        out.line(f"  {mark} {level}  {LEVELS.get(level, '')}{'' if reason == 'ok' else f': {inert(reason)}'}")
+        out.line(f"  {mark} {level}  {LEVELS.get(level, '')}{'' if reason == 'ok' else f': {sanitize(reason)}'}")
     out.line(f"  least   {item['require']}")
     out.line(f"  runs    {item['interpreter']}{' by ' + item['entry'] if item['entry'] else ''}")
     out.line(f"  workers {item['workers']} of {item['most_workers']}, {item['memory_mb']} MB")

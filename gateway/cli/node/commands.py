@@ -1,7 +1,7 @@
 """`metaros node … --robot R | -l TERMS`: the nodes that robots' supervisors run, by a gateway.
 
 The noun itself, with what it says of the ROS graph of this machine, is `metaros.cli.node`; it finds this module by the
-entry point `node` of the group `metaros.cli.afar`.
+entry point `node` of the group `metaros.cli.remote`.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_node_values import add_values
-from gateway.cli_pairs import pairs
-from gateway.cli_twin import Confirm, DryRun, Reason, read_document, send, show_change, show_changes
+from gateway.cli.name_values import pairs
+from gateway.cli.node.values import add_values
+from gateway.cli.twin_change import Confirm, DryRun, Reason, read_document, send, show_change, show_changes
 from gateway.errors import GatewayError
-from metaros.cli.gateway_http import GatewayClient, GatewayOption, events, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
-from metaros.cli.watching import watch
+from metaros.cli.shared.gateway_http import GatewayClient, GatewayOption, events, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
+from metaros.cli.shared.watch import watch
 from metaros.errors import UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["list_nodes", "register", "show_node"]
 
@@ -34,7 +34,7 @@ TAIL_OVER = "tail_over"  # the gateway ends a long tail, which goes on with its 
 
 
 def register(noun: typer.Typer) -> None:
-    """Add the verbs from afar to `metaros node`."""
+    """Add the remote verbs to `metaros node`."""
     for verb, text in (
         ("start", "Run it from now on; a robot that is offline does it when it is back."),
         ("stop", "End it until it is started again; a robot that is offline does it when it is back."),
@@ -85,11 +85,11 @@ def show_node(out: Output, name: str, *, robot: str, gateway: str) -> None:
     for key, value in (node["reported"] or {}).items():
         if value not in (None, "", [], False):
             text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-            out.line(f"  {key.replace('_', ' '):10} {inert(text)}")
+            out.line(f"  {key.replace('_', ' '):10} {sanitize(text)}")
     if node["holder"]:
         out.line(f"  {'lease':10} {node['holder']} runs it")
     for item in node["differs"]:
-        out.note(f"{item['what']}: {item['desired']} is wanted, it is {item['reported']}: {inert(item['why'])}")
+        out.note(f"{item['what']}: {item['desired']} is wanted, it is {item['reported']}: {sanitize(item['why'])}")
     if not node["online"]:
         out.note(f"the robot is offline; this is what it said at {node['reported_at']}")
 
@@ -145,7 +145,7 @@ def _act(
         out.objects(found)
     else:
         for item in found["results"]:
-            note = f": {inert(item['message'])}" if item["message"] else ""
+            note = f": {sanitize(item['message'])}" if item["message"] else ""
             twin = f" (revision {item['revision']})" if item["changed"] else ""
             would = "would be " if dry_run else ""
             out.line(f"{item['robot']}  {verb} {node}: {would}{item['outcome']}{twin}{note}")
@@ -257,9 +257,9 @@ def _crashes(node: NodeName, robot: OneRobot, gateway: GatewayOption = "", outpu
     for item in found:
         after = f" after {item['ran_s']:g} s" if item["ran_s"] is not None else ""
         version = f", version {item['version']}" if item["version"] else ""
-        out.line(out.style(f"{(item['at'] or '?')[:19]}Z  {inert(item['reason'])}{after}{inert(version)}", "1"))
+        out.line(out.style(f"{(item['at'] or '?')[:19]}Z  {sanitize(item['reason'])}{after}{sanitize(version)}", "1"))
         for line in item["lines"]:
-            out.line(f"    {inert(line)}")
+            out.line(f"    {sanitize(line)}")
     if not found:
         out.note("it has not crashed, as far as the robot remembers")
 
@@ -278,7 +278,7 @@ def _lines(out: Output, lines: Sequence[Mapping[str, Any]]) -> None:
         if out.json:
             out.object_line(line)
         else:
-            out.line(f"{(line['at'] or '?')[:23]}  {inert(line['text'])}")
+            out.line(f"{(line['at'] or '?')[:23]}  {sanitize(line['text'])}")
 
 
 def _row(node: Mapping[str, Any]) -> tuple[str, ...]:
@@ -289,4 +289,4 @@ def _row(node: Mapping[str, Any]) -> tuple[str, ...]:
     since = (said.get("since") or "")[5:16].replace("T", " ")
     pid = said.get("pid")
     cells = (node["robot"], node["name"], state, str(pid or "–"), str(said.get("restarts", "–")), since or "–")
-    return (*cells, said.get("version") or "–", inert("; ".join(notes))[:80] or "–")
+    return (*cells, said.get("version") or "–", sanitize("; ".join(notes))[:80] or "–")

@@ -7,14 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_pairs import pairs
-from gateway.cli_twin import DryRun, Reason, send
+from gateway.cli.name_values import pairs
+from gateway.cli.twin_change import DryRun, Reason, send
 from gateway.errors import GatewayError
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted
 from metaros.errors import UsageError
-from metaros.inert import inert
+from metaros.sanitize import sanitize
 
 __all__ = ["add_values"]
 
@@ -98,7 +98,7 @@ def _set(
     else:
         for item in found["results"]:
             said = ("would be set" if dry_run else "set") if item["successful"] else "refused"
-            out.line(f"{item['name']}  {said}" + (f": {inert(item['reason'])}" if item["reason"] else ""))
+            out.line(f"{item['name']}  {said}" + (f": {sanitize(item['reason'])}" if item["reason"] else ""))
         if found["revision"] is not None:
             out.note(f"{robot} {'would be' if dry_run else 'is'} at revision {found['revision']}")
     if refused:
@@ -155,7 +155,7 @@ def _of(found: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _shown(value: Any) -> str:
-    return inert(value if isinstance(value, str) else json.dumps(value, ensure_ascii=False))
+    return sanitize(value if isinstance(value, str) else json.dumps(value, ensure_ascii=False))
 
 
 def _rules(item: dict[str, Any]) -> str:
@@ -163,7 +163,7 @@ def _rules(item: dict[str, Any]) -> str:
     rules = ["read-only"] if item["read_only"] else []
     if bounds:
         rules.append(f"{bounds['from']:g} to {bounds['to']:g}" + (f" by {bounds['step']:g}" if bounds["step"] else ""))
-    rules += [inert(text) for text in (item["constraints"], item["description"]) if text]
+    rules += [sanitize(text) for text in (item["constraints"], item["description"]) if text]
     return "; ".join(rules) or "–"
 
 

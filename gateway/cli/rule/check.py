@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_view import moment
-from gateway.cli_rule_file import read_rules
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.function.view import moment
+from gateway.cli.rule.file import read_rules
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, counted, sanitize
 from metaros.errors import UsageError
 
 __all__ = ["register"]
@@ -44,10 +44,10 @@ def _check(
         out.objects(found)
     for one in found if not out.json else ():
         if one["ok"]:
-            out.line(f"{out.style('✓', '32')} {inert(one['name'])}: good")
+            out.line(f"{out.style('✓', '32')} {sanitize(one['name'])}: good")
         for fault in one["faults"]:
             where = f"{fault['path']}: " if fault["path"] else ""
-            out.line(f"{out.style('✗', '31')} {inert(one['name'])}: {inert(where + fault['message'])}")
+            out.line(f"{out.style('✗', '31')} {sanitize(one['name'])}: {sanitize(where + fault['message'])}")
     if not all(one["ok"] for one in found):
         raise typer.Exit(1)
 
@@ -79,12 +79,12 @@ def _dry_run(
     out.table(names, [_firing_row(one) for one in done["firings"]])
     for one in done["firings"] if payload else ():
         for target in one["targets"]:
-            out.line(f"{inert(one['happening'])} → {inert(target['id'])}")
+            out.line(f"{sanitize(one['happening'])} → {sanitize(target['id'])}")
             out.line(json.dumps(target["payload"], indent=2, ensure_ascii=False))
     of = f"{counted(done['scanned'], 'event')} looked at, {done['matched']} matched, {done['fired']} would have fired"
     out.note(f"{of}{', and there is more' if done['truncated'] else ''}")
     if done["errors"]:
-        out.note(f"{counted(done['errors'], 'error')}, the last: {inert(done['error'])}")
+        out.note(f"{counted(done['errors'], 'error')}, the last: {sanitize(done['error'])}")
 
 
 def _firing_row(item: Mapping[str, Any]) -> Sequence[object]:

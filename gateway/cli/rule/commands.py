@@ -9,16 +9,16 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_view import moment
-from gateway.cli_rule_events import register as register_events
-from gateway.cli_rule_file import read_rules
-from gateway.cli_rule_hooks import register as register_hooks
-from gateway.cli_rule_try import register as register_try
-from gateway.cli_rule_view import HEADINGS, RuleName, rule_path, rule_row, show_rule
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
-from metaros.cli.watching import WatchOption, watch
+from gateway.cli.function.view import moment
+from gateway.cli.rule.check import register as register_try
+from gateway.cli.rule.events import register as register_events
+from gateway.cli.rule.file import read_rules
+from gateway.cli.rule.hooks import register as register_hooks
+from gateway.cli.rule.view import HEADINGS, RuleName, rule_path, rule_row, show_rule
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
+from metaros.cli.shared.watch import WatchOption, watch
 
 __all__ = ["register"]
 
@@ -88,7 +88,7 @@ def _put(file: RuleFile, gateway: GatewayOption = "", output: FormatOption = For
         if not out.json:
             what = "added" if new else "changed"
             off = "" if made["enabled"] else ", off"
-            out.line(f"{out.style('✓', '32')} {inert(made['name'])}: {what}, revision {made['revision']}{off}")
+            out.line(f"{out.style('✓', '32')} {sanitize(made['name'])}: {what}, revision {made['revision']}{off}")
     if out.json:
         out.objects(done)
 
@@ -109,7 +109,7 @@ def _turn(rule: str, verb: str, word: str, gateway: str, output: Format) -> None
     if out.json:
         out.objects(done)
     else:
-        out.line(f"{inert(rule)}: {word}")
+        out.line(f"{sanitize(rule)}: {word}")
 
 
 def _delete(rule: RuleName, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
@@ -119,7 +119,7 @@ def _delete(rule: RuleName, gateway: GatewayOption = "", output: FormatOption = 
     if out.json:
         out.objects({"deleted": rule})
     else:
-        out.line(f"{inert(rule)}: deleted")
+        out.line(f"{sanitize(rule)}: deleted")
 
 
 def _history(
@@ -150,5 +150,5 @@ def _secret(
     if out.json:
         out.objects(done)
     else:
-        out.line(inert(done["secret"]))
+        out.line(sanitize(done["secret"]))
         out.note("whoever gets the webhook checks it with this (Standard Webhooks); nobody is shown it again")

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_input import given_json
-from gateway.cli_function_view import moment
-from metaros.cli.gateway_http import GatewayOption, open_gateway
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from gateway.cli.function.json_input import given_json
+from gateway.cli.function.view import moment
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
 
 __all__ = ["register"]
 
@@ -44,7 +44,7 @@ def _put_event(
     if out.json:
         out.objects(done)
         return
-    out.line(inert(done["ids"][0]))
+    out.line(sanitize(done["ids"][0]))
     if done["duplicates"]:
         out.note("it was known already, and sets nothing off again")
 

@@ -1,4 +1,4 @@
-"""`metaros rule hook …`: doors by which others' webhooks come in."""
+"""`metaros rule hook …`: endpoints for incoming webhooks."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_function_view import moment
-from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from gateway.cli.function.view import moment
+from metaros.cli.shared.gateway_http import GatewayOption, open_gateway, path_part
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output, sanitize
 
 __all__ = ["register"]
 
@@ -20,7 +20,7 @@ ONCE = "its secret; nobody is shown it again"
 
 def register(noun: typer.Typer) -> None:
     """Add the verbs to the noun."""
-    hook = typer.Typer(no_args_is_help=True, help="Doors by which others' webhooks come in.")
+    hook = typer.Typer(no_args_is_help=True, help="Endpoints for others' webhooks.")
     for name, command in (("create", _create), ("list", _list), ("rotate", _rotate), ("delete", _delete)):
         hook.command(name)(command)
     noun.add_typer(hook, name="hook")
@@ -39,14 +39,14 @@ def _create(
     gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
-    """Open a door for webhooks; its secret is shown this once."""
+    """Create an endpoint for webhooks; its secret is shown this once."""
     out, http = Output(output), open_gateway(gateway)
     done = http.post("/api/v1/hooks", {"name": hook, "auth": auth, "robot": robot, "description": description})
     if out.json:
         out.objects(done)
         return
-    out.line(f"POST {http.url}{inert(done['path'])}")
-    out.line(inert(done["secret"]))
+    out.line(f"POST {http.url}{sanitize(done['path'])}")
+    out.line(sanitize(done["secret"]))
     out.note(ONCE)
 
 
@@ -73,7 +73,7 @@ def _rotate(hook: HookName, gateway: GatewayOption = "", output: FormatOption = 
     if out.json:
         out.objects(done)
     else:
-        out.line(inert(done["secret"]))
+        out.line(sanitize(done["secret"]))
         out.note(ONCE)
 
 
@@ -84,4 +84,4 @@ def _delete(hook: HookName, gateway: GatewayOption = "", output: FormatOption = 
     if out.json:
         out.objects({"deleted": hook})
     else:
-        out.line(f"{inert(hook)}: gone")
+        out.line(f"{sanitize(hook)}: gone")

@@ -1,4 +1,4 @@
-"""What `metaros rule` prints for people: rows, and one rule in words."""
+"""The output of `metaros rule`: rows, and one rule in words."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import typer
 import yaml
 
-from gateway.cli_function_view import moment
-from metaros.cli.gateway_http import path_part
-from metaros.cli.output import Output, counted, inert
+from gateway.cli.function.view import moment
+from metaros.cli.shared.gateway_http import path_part
+from metaros.cli.shared.output import Output, counted, sanitize
 
 __all__ = ["DOCUMENT", "HEADINGS", "RuleName", "does", "rule_path", "rule_row", "show_rule", "waits_for"]
 
@@ -84,9 +84,9 @@ def show_rule(out: Output, item: Mapping[str, Any], *, origin: str, only_documen
         return
     stats = item["stats"]
     mark = out.style("●", "32") if item["enabled"] else out.style("○", "2")
-    out.line(f"{mark} {out.style(inert(item['name']), '1')}{'' if item['enabled'] else '  off'}")
+    out.line(f"{mark} {out.style(sanitize(item['name']), '1')}{'' if item['enabled'] else '  off'}")
     if item["description"]:
-        out.line(f"  {inert(item['description'])}")
+        out.line(f"  {sanitize(item['description'])}")
     out.line()
     last = f", last {moment(stats['last_fired'], seconds=True)}" if stats["last_fired"] else ""
     facts = [
@@ -101,10 +101,10 @@ def show_rule(out: Output, item: Mapping[str, Any], *, origin: str, only_documen
     ]
     for name, said in facts:
         if said:
-            out.line(f"  {out.style(name.ljust(9), '2')}  {inert(said)}")
+            out.line(f"  {out.style(name.ljust(9), '2')}  {sanitize(said)}")
     out.line()
     for line in text.split("\n"):
-        out.line(f"  {inert(line)}")
+        out.line(f"  {sanitize(line)}")
 
 
 def _said(value: Any) -> str:

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gateway.cli_options import DataDir, EventRetentionDays, ObjectsUrl, RetentionDays, RetentionMib, RetentionRules
-from gateway.cli_options import StoreUrl as StoreUrlOption
-from gateway.cli_store_migrate import migrate
-from gateway.cli_store_view import show_plan, show_report, show_stats
+from gateway.cli.options import DataDir, EventRetentionDays, ObjectsUrl, RetentionDays, RetentionMib, RetentionRules
+from gateway.cli.options import StoreUrl as StoreUrlOption
+from gateway.cli.store.migrate import migrate
+from gateway.cli.store.view import show_plan, show_report, show_stats
 from gateway.settings import MIB, Settings, default_data_dir
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:
-    from gateway.objects import ObjectStore
     from gateway.store.engine import StoreEngine
+    from gateway.store.objects import ObjectStore
     from gateway.store.storage import Storage
     from metaros.clock import Clock
 
@@ -63,10 +63,10 @@ def _check(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Name what is damaged: objects that are missing or differ, samples that are nowhere or twice. Exit code 1 then."""
-    from gateway.store import check as checking
+    from gateway.store.integrity import check as checking
     from gateway.store.ledger import in_transaction
-    from gateway.store.mark import check_mark
-    from metaros.cli.output import Output
+    from gateway.store.object_store_marker import check_marker
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     with _opened(data_dir, store, objects) as it:
@@ -74,7 +74,7 @@ def _check(
         report = checking.check(it.engine, it.objects, deep=deep, now_ns=now_ns, on_object=_progress)
         gone = 0
         if delete_orphans:
-            check_mark(it.engine, run, it.objects, clock=it.clock)  # another store's objects are no orphans
+            check_marker(it.engine, run, it.objects, clock=it.clock)  # another store's objects are no orphans
             gone = checking.delete_orphans(run, it.objects, report, now_ns=now_ns)
             report.orphans = [item for item in report.orphans if not str(item.object).startswith(checking.OURS)]
         run(lambda engine: checking.remember(engine, report))
@@ -87,15 +87,15 @@ def _compact(
     data_dir: DataDir = None, store: StoreUrlOption = "", objects: ObjectsUrl = "", output: FormatOption = Format.TEXT
 ) -> None:
     """Move all received batches into segments now, and delete what is doomed."""
-    from gateway.store.compact import Compaction
     from gateway.store.ledger import in_transaction, sweep_objects
-    from gateway.store.mark import check_mark
-    from metaros.cli.output import Output, counted
+    from gateway.store.object_store_marker import check_marker
+    from gateway.store.telemetry.compact import Compaction
+    from metaros.cli.shared.output import Output, counted
 
     out = Output(output)
     with _opened(data_dir, store, objects) as it:
         run = in_transaction(it.engine)
-        check_mark(it.engine, run, it.objects, clock=it.clock)
+        check_marker(it.engine, run, it.objects, clock=it.clock)
         work = Compaction(it.engine, run, it.objects, clock=it.clock)
         batches = segments = 0
         for due in work.due(everything=True):
@@ -119,7 +119,7 @@ def _stats(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """How much is stored by class, robot and table, how fast it grows, and when the disk is full."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     bounds = _bounds(retention_days, event_retention_days, retention_mib, retention)
@@ -144,9 +144,9 @@ def _retention(
 ) -> None:
     """Delete what is too old or too much now; with --dry-run only say what that is."""
     from gateway.store.ledger import in_transaction, sweep_objects
-    from gateway.store.mark import check_mark
+    from gateway.store.object_store_marker import check_marker
     from gateway.store.purge import Purge
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     bounds = _bounds(retention_days, event_retention_days, retention_mib, retention)
@@ -154,7 +154,7 @@ def _retention(
         now_ns = it.clock.wall_ns()
         document = it.storage.plan_document(it.engine, now_ns=now_ns)
         if not dry_run:
-            check_mark(it.engine, in_transaction(it.engine), it.objects, clock=it.clock)
+            check_marker(it.engine, in_transaction(it.engine), it.objects, clock=it.clock)
             purge = Purge(it.engine, it.storage.retention, now_ns=now_ns)
             while purge.step():
                 pass
@@ -182,8 +182,8 @@ def _opened(data_dir: Path | None, store: str, objects: str, **bounds: Any) -> I
     Raises:
         ConfigError: there is none; it is not made by looking at it.
     """
-    from gateway.objects import open_objects
     from gateway.store.engines import open_engine
+    from gateway.store.objects import open_objects
     from gateway.store.retention import retention_of
     from gateway.store.sqlite import DATABASE
     from gateway.store.storage import Storage

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli_accounts import LocalDir, local_store
-from gateway.cli_options import StoreUrl
-from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
+from gateway.cli.accounts import LocalDir, local_store
+from gateway.cli.options import StoreUrl
+from metaros.cli.shared.options import Format, FormatOption
+from metaros.cli.shared.output import Output
 
 __all__ = ["migrate"]
 
@@ -23,7 +23,7 @@ def migrate(
 ) -> None:
     """Make the tables or bring them up to date, as a gateway does when it starts; where they are, nothing changes."""
     from gateway.identity.users import first_admin
-    from gateway.store.accounts import has_admin
+    from gateway.store.accounts.users import has_admin
     from gateway.store.engine import shown
     from gateway.store.schema import MIGRATIONS
 

@@ -1,13 +1,13 @@
-"""What `metaros gateway store` prints for people."""
+"""The output of `metaros gateway store`."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.output import Output, counted, human_bytes
+from metaros.cli.shared.output import Output, counted, human_bytes
 
 if TYPE_CHECKING:
-    from gateway.store.check import Damage, Report
+    from gateway.store.integrity.check import Damage, Report
 
 __all__ = ["show_plan", "show_report", "show_stats"]
 

@@ -1,4 +1,4 @@
-"""What is told of a robot that is linked here: the news since it was told last, or all of it. Pure."""
+"""Messages about a local robot for other gateways: a delta since the last one, or a snapshot. Pure."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gateway.domain.robot import Robot
 from gateway.ingest.registry import RobotRecord
 from metaros._proto import cluster_pb2, link_pb2
 
-__all__ = ["Schemas", "Told", "all_news_of", "digest_of", "news_of", "whole_of"]
+__all__ = ["SentSchemas", "SentState", "delta_of", "digest_of", "first_snapshot_of", "snapshot_of"]
 
-DETAILS_S: Final = 1.0  # statistics and counts of topics are told at most so often
+DETAILS_S: Final = 1.0  # statistics and counts of topics are sent at most so often
 CHANNELS_AT_ONCE: Final = 64  # in one piece
 SERIES_AT_ONCE: Final = 256
 PIECE_BYTES: Final = 256 * 1024  # of schemas in one piece, or one schema that is larger
@@ -31,8 +31,8 @@ def digest_of(schema: bytes) -> bytes:
     return blake2b(schema, digest_size=16).digest() if schema else b""
 
 
-class Schemas:
-    """The texts that the others were told, by their digests."""
+class SentSchemas:
+    """The schema texts that were sent to the others, by their digests."""
 
     def __init__(self) -> None:
         self.texts: dict[bytes, bytes] = {}
@@ -44,7 +44,7 @@ class Schemas:
         return len(self.texts) >= SCHEMAS or self._size_bytes >= SCHEMAS_BYTES
 
     def name(self, schema: bytes) -> tuple[bytes, bool]:
-        """Its digest, and whether the others have to be told the text."""
+        """Its digest, and whether the text still has to be sent."""
         digest = digest_of(schema)
         if not digest or digest in self.texts:
             return digest, False
@@ -52,22 +52,22 @@ class Schemas:
         self._size_bytes += len(schema)
         return digest, True
 
-    def copy(self) -> Schemas:
+    def copy(self) -> SentSchemas:
         """The same texts."""
-        same = Schemas()
+        same = SentSchemas()
         same.texts, same._size_bytes = dict(self.texts), self._size_bytes
         return same
 
 
 @dataclass(slots=True)
-class Told:
+class SentState:
     """What the others know of a robot that is linked here."""
 
     since: tuple[int, int, int] = (0, 0, 0)  # session number, generation of its channels, since when
     robot: Robot | None = None
     channels: dict[int, Channel] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # of series
-    series: int = 0  # so many of these were told
+    series: int = 0  # so many of these were sent
     revision: int = 0
     statistics: link_pb2.TopicStatistics | None = None
     counts: dict[int, tuple[int, int, int | None]] = field(default_factory=dict)
@@ -75,10 +75,10 @@ class Told:
     detailed: int = 0  # the revision of which statistics and counts of topics were told
 
 
-def news_of(
+def delta_of(
     record: RobotRecord,
-    told: Told,
-    schemas: Schemas,
+    sent: SentState,
+    schemas: SentSchemas,
     *,
     values: Mapping[str, tuple[int, float]],
     now_s: float,
@@ -89,39 +89,39 @@ def news_of(
     robot = record.robot.id
     piece = cluster_pb2.MirroredRobot(robot=robot)
     since = (record.session_number, record.generation, record.since_ns)
-    if told.robot is not record.robot or told.since != since:
-        if told.since[1] != record.generation:
-            told.channels, told.counts = {}, {}
-        told.robot, told.since = record.robot, since
+    if sent.robot is not record.robot or sent.since != since:
+        if sent.since[1] != record.generation:
+            sent.channels, sent.counts = {}, {}
+        sent.robot, sent.since = record.robot, since
         piece.introduction.CopyFrom(_introduction(record))
     if announced:
-        for channels, texts in _channels(_new_channels(record, told), schemas):
+        for channels, texts in _channels(_new_channels(record, sent), schemas):
             piece.channels.extend(channels)
             yield piece, texts
             piece = cluster_pb2.MirroredRobot(robot=robot)
-    for some in _new_series(record, told, [*record.series, *values] if announced else values):
+    for some in _new_series(record, sent, [*record.series, *values] if announced else values):
         piece.series.extend(some)
         yield piece, []
         piece = cluster_pb2.MirroredRobot(robot=robot)
-    _add_values(piece, told, values)
-    if look and told.revision != record.revision:
-        told.revision = record.revision
+    _add_values(piece, sent, values)
+    if look and sent.revision != record.revision:
+        sent.revision = record.revision
         _add_state(piece, record, now_s=now_s)
-    if look and told.detailed != record.revision and now_s - told.details_s >= DETAILS_S:
-        told.details_s, told.detailed = now_s, record.revision
-        _add_details(piece, record, told)
+    if look and sent.detailed != record.revision and now_s - sent.details_s >= DETAILS_S:
+        sent.details_s, sent.detailed = now_s, record.revision
+        _add_details(piece, record, sent)
     if len(piece.ListFields()) > 1:  # more than whose it is
         yield piece, []
 
 
-def all_news_of(record: RobotRecord, told: Told, schemas: Schemas, *, now_s: float) -> Iterator[Piece]:
-    """Everything, of a robot of which nobody was told yet."""
-    return news_of(record, told, schemas, values=record.newest(), now_s=now_s, announced=True, look=True)
+def first_snapshot_of(record: RobotRecord, sent: SentState, schemas: SentSchemas, *, now_s: float) -> Iterator[Piece]:
+    """The first snapshot of a robot, for everybody."""
+    return delta_of(record, sent, schemas, values=record.newest(), now_s=now_s, announced=True, look=True)
 
 
-def whole_of(record: RobotRecord, told: Told, schemas: Schemas, *, now_s: float) -> Iterator[Piece]:
+def snapshot_of(record: RobotRecord, sent: SentState, schemas: SentSchemas, *, now_s: float) -> Iterator[Piece]:
     """Everything, for somebody who knows nothing; series have the numbers that the others know."""
-    return all_news_of(record, Told(numbers=told.numbers), schemas, now_s=now_s)
+    return first_snapshot_of(record, SentState(numbers=sent.numbers), schemas, now_s=now_s)
 
 
 def _introduction(record: RobotRecord) -> cluster_pb2.Introduction:
@@ -137,7 +137,7 @@ def _introduction(record: RobotRecord) -> cluster_pb2.Introduction:
     )
 
 
-def _channels(new: Iterable[Channel], schemas: Schemas) -> Iterator[tuple[list[link_pb2.Channel], list[bytes]]]:
+def _channels(new: Iterable[Channel], schemas: SentSchemas) -> Iterator[tuple[list[link_pb2.Channel], list[bytes]]]:
     """In pieces that are not too large."""
     channels: list[link_pb2.Channel] = []
     texts: list[bytes] = []
@@ -174,21 +174,21 @@ def _wire_channel(channel: Channel, digest: bytes) -> link_pb2.Channel:
     return wire
 
 
-def _new_channels(record: RobotRecord, told: Told) -> list[Channel]:
-    known, channels = told.channels, [state.channel for state in record.channels.values()]
+def _new_channels(record: RobotRecord, sent: SentState) -> list[Channel]:
+    known, channels = sent.channels, [state.channel for state in record.channels.values()]
     new = [channel for channel in channels if known.get(channel.channel_id) != channel]
     known.update((channel.channel_id, channel) for channel in new)
     return new
 
 
-def _new_series(record: RobotRecord, told: Told, names: Iterable[str]) -> Iterator[list[link_pb2.Series]]:
+def _new_series(record: RobotRecord, sent: SentState, names: Iterable[str]) -> Iterator[list[link_pb2.Series]]:
     """Those of these names without a number get one; all that were not told yet, in pieces that are not too large."""
     for name in names:
-        told.numbers.setdefault(name, len(told.numbers) + 1)
-    if told.series == len(told.numbers):
+        sent.numbers.setdefault(name, len(sent.numbers) + 1)
+    if sent.series == len(sent.numbers):
         return
-    new = list(told.numbers.items())[told.series :]
-    told.series = len(told.numbers)
+    new = list(sent.numbers.items())[sent.series :]
+    sent.series = len(sent.numbers)
     for start in range(0, len(new), SERIES_AT_ONCE):
         yield [_wire_series(name, number, record) for name, number in new[start : start + SERIES_AT_ONCE]]
 
@@ -200,8 +200,8 @@ def _wire_series(name: str, number: int, record: RobotRecord) -> link_pb2.Series
     return link_pb2.Series(series_id=number, name=name, topic=state.series.topic, field=state.series.field)
 
 
-def _add_values(piece: cluster_pb2.MirroredRobot, told: Told, values: Mapping[str, tuple[int, float]]) -> None:
-    known = [(number, *value) for name, value in values.items() if (number := told.numbers.get(name)) is not None]
+def _add_values(piece: cluster_pb2.MirroredRobot, sent: SentState, values: Mapping[str, tuple[int, float]]) -> None:
+    known = [(number, *value) for name, value in values.items() if (number := sent.numbers.get(name)) is not None]
     if not known:
         return
     numbers, stamps, plain = zip(*known, strict=True)
@@ -226,14 +226,14 @@ def _add_state(piece: cluster_pb2.MirroredRobot, record: RobotRecord, *, now_s: 
     state.forks, state.epochs = record.forks, record.epochs
 
 
-def _add_details(piece: cluster_pb2.MirroredRobot, record: RobotRecord, told: Told) -> None:
-    if record.statistics is not told.statistics:
-        told.statistics = record.statistics
+def _add_details(piece: cluster_pb2.MirroredRobot, record: RobotRecord, sent: SentState) -> None:
+    if record.statistics is not sent.statistics:
+        sent.statistics = record.statistics
         piece.statistics.CopyFrom(record.statistics)
     for number, state in record.channels.items():
         now = (state.received, state.lost, state.last_stamp_ns)
-        if told.counts.get(number, (0, 0, None)) != now:
-            told.counts[number] = now
+        if sent.counts.get(number, (0, 0, None)) != now:
+            sent.counts[number] = now
             count = piece.counts.add(
                 channel_id=number, received=state.received, received_bytes=state.received_bytes, lost=state.lost
             )

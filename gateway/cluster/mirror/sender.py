@@ -1,7 +1,7 @@
-"""Telling the other gateways of the robots that are linked here: all of it when one comes, and then what changes.
+"""Sends the state of local robots to the other gateways: a snapshot when one joins, then deltas.
 
-Links and channels are told at once, values and counts when it is their time, each in what everybody gets. Nothing
-waits in a queue: what is to be told is read off the records. A gateway that takes no more is told all of it anew.
+Links and channels are sent at once, values and counts periodically, the same message to all. Nothing
+waits in a queue: messages are built from the records. A gateway that takes no more gets a snapshot later.
 """
 
 from __future__ import annotations
@@ -11,31 +11,31 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from gateway.cluster.mirror_pieces import Piece, Schemas, Told, all_news_of, news_of, whole_of
+from gateway.cluster.mirror.deltas import Piece, SentSchemas, SentState, delta_of, first_snapshot_of, snapshot_of
 from gateway.cluster.ports import Mesh
 from gateway.ingest.registry import Registry
 from metaros._proto import cluster_pb2
 from metaros.clock import Clock
 
-__all__ = ["LOOK_S", "MIRROR", "MIRROR_AGAIN", "MIRROR_FAST", "MirrorHome"]
+__all__ = ["LOOK_S", "MIRROR", "MIRROR_AGAIN", "MIRROR_FAST", "MirrorSender"]
 
 log = logging.getLogger(__name__)
 
 MIRROR: Final = "mirror"
 MIRROR_AGAIN: Final = "mirror.again"
 MIRROR_FAST: Final = "mirror.fast"
-LOOK_S: Final = 0.5  # how often what changes all the time is told
+LOOK_S: Final = 0.5  # how often values and counts are sent
 FAST_S: Final = 0.05  # how often values are, while somebody looks at them elsewhere
-AT_ONCE: Final = 16  # robots of which news are told, before others have their turn on the event loop
-WHOLE_AT_ONCE: Final = 4  # and robots of which all is told, to somebody who has to read it
+AT_ONCE: Final = 16  # robots per step, before other tasks of the event loop run
+WHOLE_AT_ONCE: Final = 4  # robots per step of a snapshot, which its receiver has to read
 PAGE_BYTES: Final = 12 * 1024  # of one message, about; a millisecond's work to take in
 TEXTS_BYTES: Final = 256 * 1024  # and of schemas in it, which are no work
 TEXTS_AT_ONCE: Final = 16  # of 256 KiB at most
 PAUSE_S: Final = 0.001  # between parts of all of it: who reads them has other things to do
-FULL_S: Final = 0.05  # until it is tried again to tell somebody who took no more
+FULL_S: Final = 0.05  # until a gateway that took no more is tried again
 
 
-class MirrorHome:
+class MirrorSender:
     """All methods on the event loop; `run` it beside the links."""
 
     def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock, look_s: float = LOOK_S) -> None:
@@ -43,44 +43,44 @@ class MirrorHome:
         self._registry = registry
         self._clock = clock
         self._look_s = look_s
-        self._told: dict[str, Told] = {}  # by robot that is linked here
-        self._schemas = Schemas()
+        self._sent: dict[str, SentState] = {}  # by robot that is linked here
+        self._schemas = SentSchemas()
         self._now: dict[str, None] = {}  # whose link or channels are news
         self._values: dict[str, dict[str, tuple[int, float]]] = {}
-        self._current: set[str] = set()  # gateways that are told what changes
-        self._behind: dict[str, None] = {}  # those that have to be told everything
+        self._current: set[str] = set()  # gateways that get deltas
+        self._behind: dict[str, None] = {}  # those that need a snapshot
         self._stirred = asyncio.Event()
         self._wanted = asyncio.Event()  # somebody is behind
         self._fast: set[str] = set()  # gateways where somebody looks at values
-        mesh.on_tell(MIRROR_AGAIN, self._on_again)
-        mesh.on_tell(MIRROR_FAST, self._on_fast)
+        mesh.on_message(MIRROR_AGAIN, self._on_again)
+        mesh.on_message(MIRROR_FAST, self._on_fast)
         mesh.on_peer(self._on_peer)
 
     def on_online(self, robot: str, online: bool) -> None:
         """A robot's link to this gateway came or went."""
         if online:
-            self._told[robot] = Told()
+            self._sent[robot] = SentState()
         else:
-            self._told.pop(robot, None)
+            self._sent.pop(robot, None)
             self._values.pop(robot, None)
         self._stir(robot)
 
     def on_channels(self, robot: str) -> None:
         """Something was announced here."""
-        if robot in self._told:
+        if robot in self._sent:
             self._stir(robot)
 
     def on_values(self, robot: str, values: Mapping[str, tuple[int, float]]) -> None:
         """Newest values of series came here."""
-        if self._current and robot in self._told:
+        if self._current and robot in self._sent:
             self._values.setdefault(robot, {}).update(values)
 
     async def run(self) -> None:
         """Until cancelled."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(self._tell_at_once())
-            group.create_task(self._tell_in_time())
-            group.create_task(self._tell_all_of_it())
+            group.create_task(self._send_at_once())
+            group.create_task(self._send_in_time())
+            group.create_task(self._send_snapshots())
 
     def _stir(self, robot: str) -> None:
         self._now[robot] = None
@@ -95,8 +95,8 @@ class MirrorHome:
 
     def _on_again(self, sender: str, payload: bytes) -> None:
         for robot in cluster_pb2.MirrorAgain.FromString(payload).robots:
-            if robot in self._told:
-                self._told[robot] = Told()
+            if robot in self._sent:
+                self._sent[robot] = SentState()
                 self._stir(robot)
 
     def _on_fast(self, sender: str, payload: bytes) -> None:
@@ -110,26 +110,26 @@ class MirrorHome:
         self._behind[gateway] = None
         self._wanted.set()
 
-    async def _tell_at_once(self) -> None:
+    async def _send_at_once(self) -> None:
         while True:
             await self._stirred.wait()
             self._stirred.clear()
             now, self._now = list(self._now), {}
-            await self._tell(now, announced=True, look=False)
+            await self._send(now, announced=True, look=False)
 
-    async def _tell_in_time(self) -> None:
+    async def _send_in_time(self) -> None:
         looked_s = self._clock.monotonic_s()
         while True:
             await asyncio.sleep(FAST_S if self._fast else self._look_s)
             now_s = self._clock.monotonic_s()
             if now_s - looked_s >= self._look_s:
                 looked_s = now_s
-                await self._tell(list(self._told), announced=False, look=True)
+                await self._send(list(self._sent), announced=False, look=True)
             elif self._values:
-                await self._tell(list(self._values), announced=False, look=False)
+                await self._send(list(self._values), announced=False, look=False)
 
-    async def _tell(self, robots: list[str], *, announced: bool, look: bool) -> None:
-        """News of these robots to everybody who is told what changes."""
+    async def _send(self, robots: list[str], *, announced: bool, look: bool) -> None:
+        """Send deltas of these robots to all that have a snapshot."""
         for start in range(0, len(robots), AT_ONCE):
             if not self._current:
                 self._values.clear()
@@ -137,38 +137,38 @@ class MirrorHome:
             pieces = self._news(robots[start : start + AT_ONCE], announced=announced, look=look)
             for message in _pages(pieces):
                 for gateway in list(self._current):
-                    if not self._mesh.tell(gateway, MIRROR, message):
+                    if not self._mesh.send(gateway, MIRROR, message):
                         self._fell_behind(gateway)
             await asyncio.sleep(0)
         if self._schemas.full:
-            self._schemas = Schemas()
+            self._schemas = SentSchemas()
             for gateway in list(self._current):
                 self._fell_behind(gateway)
 
     def _news(self, robots: Iterable[str], *, announced: bool, look: bool) -> Iterator[Piece]:
         now_s = self._clock.monotonic_s()
         for robot in robots:
-            told = self._told.get(robot)
-            if told is None:
+            sent = self._sent.get(robot)
+            if sent is None:
                 if announced:
                     yield cluster_pb2.MirroredRobot(robot=robot, gone=True), []
                 continue
             record, values = self._registry.get(robot), self._values.pop(robot, {})
-            if told.robot is None:
-                yield from all_news_of(record, told, self._schemas, now_s=now_s)
+            if sent.robot is None:
+                yield from first_snapshot_of(record, sent, self._schemas, now_s=now_s)
             else:
-                yield from news_of(
-                    record, told, self._schemas, values=values, now_s=now_s, announced=announced, look=look
+                yield from delta_of(
+                    record, sent, self._schemas, values=values, now_s=now_s, announced=announced, look=look
                 )
 
-    async def _tell_all_of_it(self) -> None:
+    async def _send_snapshots(self) -> None:
         while True:
             await self._wanted.wait()
             self._wanted.clear()
             while self._behind:
-                await self._tell_everything(next(iter(self._behind)))
+                await self._send_snapshot(next(iter(self._behind)))
 
-    async def _tell_everything(self, gateway: str) -> None:
+    async def _send_snapshot(self, gateway: str) -> None:
         """From here on it also gets what changes: that is of a robot that it knows, or it is told of that robot yet."""
         self._behind.pop(gateway)
         self._current.add(gateway)
@@ -181,29 +181,29 @@ class MirrorHome:
             message = cluster_pb2.Mirror(schemas=texts[start : start + TEXTS_AT_ONCE]).SerializeToString()
             if not await self._deliver(gateway, message):
                 return
-        robots = list(self._told)
+        robots = list(self._sent)
         for start in range(0, len(robots), WHOLE_AT_ONCE):
-            some = [robot for robot in robots[start : start + WHOLE_AT_ONCE] if robot in self._told]
-            fresh = [robot for robot in some if self._told[robot].robot is None]  # nobody knows them yet
+            some = [robot for robot in robots[start : start + WHOLE_AT_ONCE] if robot in self._sent]
+            fresh = [robot for robot in some if self._sent[robot].robot is None]  # nobody knows them yet
             pages = list(_pages(self._whole([robot for robot in some if robot not in fresh], schemas)))
-            await self._tell(fresh, announced=True, look=True)
+            await self._send(fresh, announced=True, look=True)
             for message in pages:
                 if not await self._deliver(gateway, message):
                     return
             await asyncio.sleep(PAUSE_S)
         await self._deliver(gateway, cluster_pb2.Mirror(whole=True).SerializeToString())
 
-    def _whole(self, robots: Iterable[str], schemas: Schemas) -> Iterator[Piece]:
+    def _whole(self, robots: Iterable[str], schemas: SentSchemas) -> Iterator[Piece]:
         now_s = self._clock.monotonic_s()
         for robot in robots:
-            told = self._told.get(robot)
-            if told is not None:
-                yield from whole_of(self._registry.get(robot), told, schemas, now_s=now_s)
+            sent = self._sent.get(robot)
+            if sent is not None:
+                yield from snapshot_of(self._registry.get(robot), sent, schemas, now_s=now_s)
 
     async def _deliver(self, gateway: str, message: bytes) -> bool:
         """False: it is not there any more, or is behind again and gets all of it anew."""
         while gateway in self._current and gateway in self._mesh.peers():
-            if self._mesh.tell(gateway, MIRROR, message):
+            if self._mesh.send(gateway, MIRROR, message):
                 return True
             await asyncio.sleep(FULL_S)
         return False

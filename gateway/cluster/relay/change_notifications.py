@@ -1,4 +1,4 @@
-"""What is in the store for another gateway is told it: it would find it by itself, at its next look a moment later."""
+"""Notifies other gateways of changes in the shared store, which they would otherwise find at their next poll."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import json
 from collections.abc import Callable
 from typing import Protocol
 
-from gateway.cluster.asking import HomeOf
+from gateway.cluster.owner_request import OwnerOf
 from gateway.cluster.ports import Mesh
 
-__all__ = ["Courier", "Deliver", "Nudges", "Orders", "Recordings"]
+__all__ = ["ChangeNotifications", "Delivery", "Orders", "Recordings", "TwinSync"]
 
 ORDERS, MOVED, ASK, STOP, TWINS = "orders.waiting", "orders.moved", "recordings.ask", "recordings.stop", "twins.stored"
-MOVED_S = 0.02  # in which what changes is told together
-MOVED_MOST = 1000  # commands told at a time; the watchers of further ones look by themselves
+MOVED_S = 0.02  # changes within so long are sent together
+MOVED_MOST = 1000  # commands in a message; watchers of further ones poll
 
 
-class Deliver(Protocol):
+class Delivery(Protocol):
     """Durable commands on their way."""
 
     def deliver(self, robot: str) -> None:
@@ -31,7 +31,7 @@ class Orders(Protocol):
     moved: Callable[[str], None]
 
     @property
-    def delivery(self) -> Deliver:
+    def delivery(self) -> Delivery:
         """Those on their way."""
 
     def changed(self, command_id: str) -> None:
@@ -51,7 +51,7 @@ class Recordings(Protocol):
         """Nobody wants it any more."""
 
 
-class Courier(Protocol):
+class TwinSync(Protocol):
     """Twins on their way to robots."""
 
     edited: Callable[[], None]
@@ -60,46 +60,46 @@ class Courier(Protocol):
         """The store has news."""
 
 
-class Nudges:
+class ChangeNotifications:
     """Lives on the event loop."""
 
     def __init__(
-        self, mesh: Mesh, orders: Orders, recordings: Recordings, courier: Courier, *, home_of: HomeOf
+        self, mesh: Mesh, command_manager: Orders, recordings: Recordings, twin_sync: TwinSync, *, owner_of: OwnerOf
     ) -> None:
         self._mesh = mesh
-        self._home_of = home_of
+        self._owner_of = owner_of
         self._moved: dict[str, None] = {}
         self._telling: asyncio.TimerHandle | None = None
-        orders.waiting = self._order_waits
-        orders.moved = self._order_moved
+        command_manager.waiting = self._order_waits
+        command_manager.moved = self._order_moved
         recordings.waiting = self._recording_waits
-        recordings.deleted = lambda recording_id: mesh.tell_all(STOP, recording_id.encode())
-        courier.edited = lambda: mesh.tell_all(TWINS, b"")
-        mesh.on_tell(ORDERS, lambda sender, payload: orders.delivery.deliver(payload.decode()))
-        mesh.on_tell(MOVED, lambda sender, payload: _each(orders.changed, json.loads(payload)))
-        mesh.on_tell(ASK, lambda sender, payload: recordings.ask(*json.loads(payload)))
-        mesh.on_tell(STOP, lambda sender, payload: recordings.stop(payload.decode()))
-        mesh.on_tell(TWINS, lambda sender, payload: courier.look())
+        recordings.deleted = lambda recording_id: mesh.broadcast(STOP, recording_id.encode())
+        twin_sync.edited = lambda: mesh.broadcast(TWINS, b"")
+        mesh.on_message(ORDERS, lambda sender, payload: command_manager.delivery.deliver(payload.decode()))
+        mesh.on_message(MOVED, lambda sender, payload: _each(command_manager.changed, json.loads(payload)))
+        mesh.on_message(ASK, lambda sender, payload: recordings.ask(*json.loads(payload)))
+        mesh.on_message(STOP, lambda sender, payload: recordings.stop(payload.decode()))
+        mesh.on_message(TWINS, lambda sender, payload: twin_sync.look())
 
     def _order_waits(self, robot: str) -> None:
-        if home := self._home_of(robot):
-            self._mesh.tell(home, ORDERS, robot.encode())
+        if owner := self._owner_of(robot):
+            self._mesh.send(owner, ORDERS, robot.encode())
 
     def _recording_waits(self, robot: str, recording_id: str, last_ns: int) -> None:
-        if home := self._home_of(robot):
-            self._mesh.tell(home, ASK, json.dumps([recording_id, last_ns]).encode())
+        if owner := self._owner_of(robot):
+            self._mesh.send(owner, ASK, json.dumps([recording_id, last_ns]).encode())
 
     def _order_moved(self, command_id: str) -> None:
         if len(self._moved) < MOVED_MOST and self._mesh.peers():
             self._moved[command_id] = None
         if self._moved and self._telling is None:
-            self._telling = asyncio.get_running_loop().call_later(MOVED_S, self._tell_moved)
+            self._telling = asyncio.get_running_loop().call_later(MOVED_S, self._report_moved)
 
-    def _tell_moved(self) -> None:
+    def _report_moved(self) -> None:
         moved, self._moved, self._telling = list(self._moved), {}, None
-        self._mesh.tell_all(MOVED, json.dumps(moved).encode())
+        self._mesh.broadcast(MOVED, json.dumps(moved).encode())
 
 
-def _each(tell: Callable[[str], None], items: list[str]) -> None:
+def _each(send: Callable[[str], None], items: list[str]) -> None:
     for item in items:
-        tell(item)
+        send(item)

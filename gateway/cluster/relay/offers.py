@@ -1,4 +1,4 @@
-"""What clients of several gateways serve in one robot's graph, made one list at the robot's home, and its asks sorted.
+"""Merges the services that clients of several gateways offer in one robot's graph, and routes its requests back.
 
 A robot knows one list and one numbering. Here each gateway's numbers become the robot's and back.
 """
@@ -32,12 +32,12 @@ class OfferMerge:
         self._numbers = itertools.count(1)
         self._revisions = itertools.count(1)
 
-    def put(self, robot: str, gateway: str, told: link_pb2.Offers) -> link_pb2.OfferStates | None:
-        """A gateway's whole list; what it is told at once of offers for which the robot has no room."""
+    def put(self, robot: str, gateway: str, message: link_pb2.Offers) -> link_pb2.OfferStates | None:
+        """A gateway's whole list; returns refusals of offers for which the robot has no room."""
         one = self._robots.setdefault(robot, _Robot())
         others = sum(len(mine) for other, mine in one.offers.items() if other != gateway)
         room = max(0, self._limits.offers - others)
-        one.offers[gateway] = {offer.number: offer for offer in told.offers[:room]}
+        one.offers[gateway] = {offer.number: offer for offer in message.offers[:room]}
         gone = [key for key in one.numbers if key[0] == gateway and key[1] not in one.offers[gateway]]
         for key in gone:
             del one.numbers[key]
@@ -46,7 +46,7 @@ class OfferMerge:
                 one.numbers[gateway, number] = next(self._numbers)
         text = f"robot {robot} has {self._limits.offers} offers already"
         refused = [
-            link_pb2.OfferState(number=offer.number, code="too_many", message=text) for offer in told.offers[room:]
+            link_pb2.OfferState(number=offer.number, code="too_many", message=text) for offer in message.offers[room:]
         ]
         return link_pb2.OfferStates(states=refused) if refused else None
 
@@ -73,11 +73,11 @@ class OfferMerge:
                 one.asks = {ask: asked for ask, asked in one.asks.items() if asked != gateway}
         return changed
 
-    def states(self, robot: str, told: link_pb2.OfferStates) -> dict[str, link_pb2.OfferStates]:
+    def states(self, robot: str, message: link_pb2.OfferStates) -> dict[str, link_pb2.OfferStates]:
         """What the robot says of its list, by gateway and in its numbers."""
         one, found = self._robots.get(robot, _Robot()), dict[str, link_pb2.OfferStates]()
         owners = {known: key for key, known in one.numbers.items()}
-        for state in told.states:
+        for state in message.states:
             if state.number in owners:
                 gateway, number = owners[state.number]
                 mine = found.setdefault(gateway, link_pb2.OfferStates()).states.add()

@@ -1,4 +1,4 @@
-"""Everything that goes through a robot's home, put together: frames, graphs, leases, nudges and errands.
+"""All relays through a robot's owner: frames, graphs, leases, change notifications and function requests.
 
 The gateway calls one method a hook; which part each concerns is known here alone.
 """
@@ -8,20 +8,20 @@ from __future__ import annotations
 import asyncio
 from typing import Protocol
 
-from gateway.cluster.asking import HomeOf
-from gateway.cluster.errands import Errands, Invoker
-from gateway.cluster.leases import Drivers, LeaseRelay
+from gateway.cluster.function_requests import FunctionRequests, Invoker
+from gateway.cluster.leases import LeaseRelay, LocalLeases
+from gateway.cluster.owner_request import OwnerOf
 from gateway.cluster.ports import Mesh
-from gateway.cluster.relay import Commands, Drives, Links, Relay
-from gateway.cluster.relay_nudges import Courier, Nudges, Orders, Recordings
-from gateway.cluster.relay_ros import RosRelay, RosSide
-from gateway.cluster.relay_wire import Parcel
-from gateway.domain.lease import LeaseTable
-from gateway.fleet.lease_desk import Arbiter
+from gateway.cluster.relay.change_notifications import ChangeNotifications, Orders, Recordings, TwinSync
+from gateway.cluster.relay.frames import Commands, Leases, Links, Relay
+from gateway.cluster.relay.ros import RosFeature, RosRelay
+from gateway.cluster.relay.wire import RelayedFrame
+from gateway.domain.fleet.lease import LeaseTable
+from gateway.fleet.lease_manager import RemoteLeases
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["Around", "Relays"]
+__all__ = ["LocalParts", "Relays"]
 
 
 BEGUN = "links.begun"
@@ -31,7 +31,7 @@ class _Links(Links, Protocol):
     def process_of(self, robot_id: str) -> bytes:
         """The id of the agent's process that is linked here."""
 
-    def begun_elsewhere(self, robot_id: str, session_id: bytes) -> None:
+    def started_remotely(self, robot_id: str, session_id: bytes) -> None:
         """One was linked to another gateway."""
 
     def fence(self, robot_id: str, session_number: int) -> None:
@@ -43,18 +43,18 @@ class _Commands(Commands, Protocol):
         """Its commands will have no result."""
 
 
-class _Teleop(Drives, Drivers, Protocol):
-    arbiter: Arbiter | None
+class _Teleop(Leases, LocalLeases, Protocol):
+    remote: RemoteLeases | None
 
 
-class _Ros(RosSide, Protocol):
+class _Ros(RosFeature, Protocol):
     def on_online(self, robot_id: str, online: bool) -> None:
         """A robot's link began or ended."""
 
 
 class _Twins(Protocol):
     @property
-    def courier(self) -> Courier:
+    def sender(self) -> TwinSync:
         """Takes desired states to robots."""
 
 
@@ -74,14 +74,14 @@ class _Functions(Protocol):
         """Calls functions."""
 
 
-class _Reacting(Protocol):
+class _Automation(Protocol):
     @property
     def functions(self) -> _Functions:
         """Its functions."""
 
 
-class Around(Protocol):
-    """The gateway's own desks."""
+class LocalParts(Protocol):
+    """The gateway's own features."""
 
     @property
     def links(self) -> _Links:
@@ -112,7 +112,7 @@ class Around(Protocol):
         """Graphs, goals, offers."""
 
     @property
-    def orders(self) -> Orders:
+    def command_manager(self) -> Orders:
         """Commands that are kept."""
 
     @property
@@ -124,37 +124,39 @@ class Around(Protocol):
         """Desired states."""
 
     @property
-    def reacting(self) -> _Reacting:
+    def automation(self) -> _Automation:
         """Queue, rules and functions."""
 
 
 class Relays:
     """Make it before the mesh starts; lives on the event loop."""
 
-    def __init__(self, mesh: Mesh, around: Around, *, home_of: HomeOf, clock: Clock) -> None:
-        """`home_of`: the other gateway that has a robot's link; "" = it is here, or nowhere."""
-        self._around = around
-        self._home_of = home_of
+    def __init__(self, mesh: Mesh, parts: LocalParts, *, owner_of: OwnerOf, clock: Clock) -> None:
+        """`owner_of`: the other gateway that has a robot's link; "" = it is here, or nowhere."""
+        self._parts = parts
+        self._owner_of = owner_of
         self._mesh = mesh
-        self._homes: dict[str, str] = {}  # of robots that are linked elsewhere
-        self.ros = RosRelay(mesh, around.links, around.ros)
+        self._owners: dict[str, str] = {}  # of robots that are linked elsewhere
+        self.ros = RosRelay(mesh, parts.links, parts.ros)
         self.leases = LeaseRelay(
-            mesh, around.leases, around.teleop, home_of=home_of, linked=around.links.has, clock=clock
+            mesh, parts.leases, parts.teleop, owner_of=owner_of, linked=parts.links.has, clock=clock
         )
         self.talks = LeaseRelay(
-            mesh, around.talks, around.talk, kind="talk", home_of=home_of, linked=around.links.has, clock=clock
+            mesh, parts.talks, parts.talk, kind="talk", owner_of=owner_of, linked=parts.links.has, clock=clock
         )
         self._lease_relays = (self.leases, self.talks)
-        drives = {"teleop": around.teleop, "talk": around.talk}
-        self.frames = Relay(mesh, around.links, around.commands, drives, self.ros, home_of=home_of, clock=clock)
-        self.nudges = Nudges(mesh, around.orders, around.recordings, around.twins.courier, home_of=home_of)
-        functions = around.reacting.functions
-        self.errands = Errands(mesh, functions.invoker, on=functions.choices.on)
-        self.ros.tell_one = self.frames.tell_asker
-        self.frames.came_up = around.ros.on_frame
-        self.frames.refused = {"teleop": self.leases.tell, "talk": self.talks.tell}
-        around.teleop.arbiter, around.talk.arbiter = self.leases, self.talks
-        mesh.on_tell(BEGUN, self._on_begun)
+        drives = {"teleop": parts.teleop, "talk": parts.talk}
+        self.frames = Relay(mesh, parts.links, parts.commands, drives, self.ros, owner_of=owner_of, clock=clock)
+        self.notifications = ChangeNotifications(
+            mesh, parts.command_manager, parts.recordings, parts.twins.sender, owner_of=owner_of
+        )
+        functions = parts.automation.functions
+        self.function_requests = FunctionRequests(mesh, functions.invoker, on=functions.choices.on)
+        self.ros.send_to = self.frames.send_to_requester
+        self.frames.on_upstream_frame = parts.ros.on_frame
+        self.frames.refused = {"teleop": self.leases.send, "talk": self.talks.send}
+        parts.teleop.remote, parts.talk.remote = self.leases, self.talks
+        mesh.on_message(BEGUN, self._on_begun)
 
     @property
     def owed(self) -> int:
@@ -174,40 +176,40 @@ class Relays:
         self.ros.on_frame(robot, frame)
 
     def on_online(self, robot: str, online: bool) -> None:
-        """A link here began or ended; the gateway's own desks have heard of it."""
+        """A link here began or ended; the gateway's own features were notified before."""
         self.ros.on_online(robot, online)
         if online:
-            self._homes.pop(robot, None)
+            self._owners.pop(robot, None)
             for relay in self._lease_relays:
                 relay.on_online(robot)
-            self._mesh.tell_all(BEGUN, Parcel(robot, self._around.links.process_of(robot)).pack())
+            self._mesh.broadcast(BEGUN, RelayedFrame(robot, self._parts.links.process_of(robot)).pack())
         else:
             self.frames.on_offline(robot)
-            self.on_home(robot)
+            self.on_owner(robot)
 
-    def on_home(self, robot: str) -> None:
+    def on_owner(self, robot: str) -> None:
         """A robot's link at another gateway began, ended, or is at yet another one."""
-        before, home = self._homes.get(robot, ""), self._home_of(robot)
-        if before == home or self._around.links.has(robot):
+        before, owner = self._owners.get(robot, ""), self._owner_of(robot)
+        if before == owner or self._parts.links.has(robot):
             return
         if before:
-            self._around.commands.on_offline(robot)
-            self._around.ros.on_online(robot, False)
+            self._parts.commands.on_offline(robot)
+            self._parts.ros.on_online(robot, False)
             for relay in self._lease_relays:
-                relay.on_away(robot, False)
-        if home:
-            self._homes[robot] = home
-            self._around.ros.on_online(robot, True)
+                relay.on_remote_robot(robot, False)
+        if owner:
+            self._owners[robot] = owner
+            self._parts.ros.on_online(robot, True)
         else:
-            self._homes.pop(robot, None)
+            self._owners.pop(robot, None)
 
-    def on_elsewhere(self, robot: str, gateway: str, session_number: int) -> None:
+    def on_remote_session(self, robot: str, gateway: str, session_number: int) -> None:
         """A robot that is linked here has a newer session at another gateway: the one here is over."""
-        self._around.links.fence(robot, session_number)
+        self._parts.links.fence(robot, session_number)
 
     def _on_begun(self, sender: str, payload: bytes) -> None:
-        parcel = Parcel.unpack(payload)
-        self._around.links.begun_elsewhere(parcel.robot, parcel.frame)
+        relayed = RelayedFrame.unpack(payload)
+        self._parts.links.started_remotely(relayed.robot, relayed.frame)
 
     async def run(self) -> None:
         """Until cancelled."""

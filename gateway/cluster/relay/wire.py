@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 from gateway.errors import ProtocolError
 
-__all__ = ["Parcel", "join", "split"]
+__all__ = ["RelayedFrame", "join", "split"]
 
 _HEAD = struct.Struct(">HQ")  # bytes of the robot's id, and the number
 _SIZE = struct.Struct(">I")
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
+class RelayedFrame:
     """`number` is what the topic makes of it; `frame` is a serialized frame of the link, or b""."""
 
     robot: str
@@ -28,13 +28,13 @@ class Parcel:
         return _HEAD.pack(len(robot), self.number) + robot + self.frame
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Parcel:
+    def unpack(cls, payload: bytes) -> RelayedFrame:
         """What came; ProtocolError where it is none."""
         try:
             size, number = _HEAD.unpack_from(payload)
             robot = payload[_HEAD.size : _HEAD.size + size].decode()
         except (struct.error, UnicodeDecodeError) as error:
-            raise ProtocolError(f"a parcel of {len(payload)} bytes cannot be read") from error
+            raise ProtocolError(f"a relayed of {len(payload)} bytes cannot be read") from error
         return cls(robot, payload[_HEAD.size + size :], number)
 
 

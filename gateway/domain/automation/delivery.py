@@ -1,4 +1,4 @@
-"""A happening or an invocation on its way to one target, from its acceptance to its one end."""
+"""An event or an invocation on its way to one target, from its acceptance to its one end."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ class Put:
 
     `kind` says which handler delivers it, `target` to which of its targets (a function's name and qualifier, a
     rule's name and target id, a mapping's UUID). Of the same `target` and `dedup` one is delivered, the first.
-    `payload` is what the target gets, `context` what its handler needs besides (JSON). `happening` is the id of what
+    `payload` is what the target gets, `context` what its handler needs besides (JSON). `event_id` is the id of what
     set it off, "" for an invocation by hand. `due_ns` 0: now.
     """
 
     kind: str
     target: str
     payload: bytes
-    happening: str = ""
+    event_id: str = ""
     robot: str = ""
     dedup: str = ""
     due_ns: int = 0
@@ -183,7 +183,7 @@ class Totals:
     live: Share = Share()
     dead: Share = Share()
     done: Share = Share()
-    happenings: Share = Share()
+    gateway_events: Share = Share()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Something that happened in the fleet, as it is kept and told: what, where, when, and which of them somebody wants."""
+"""An event of the fleet's journal: what, where and when; and filters over events."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ __all__ = ["EVERYTHING", "Event", "EventFilter", "EventPage", "like"]
 class Event:
     """One event; `seq` is its place in the journal: store-wide, without holes, and the cursor after which to go on.
 
-    `kind` is a row of gateway/events/kinds.py, `robot` is "" for what is about no single robot, `at_ns` is the wall
-    clock of the gateway that saw it, `data` is a JSON object as text.
+    `kind` is a row of gateway/automation/events/kinds.py, `robot` is "" for what is about no single robot, `at_ns`
+    is the wall clock of the gateway that saw it, `data` is a JSON object as text.
     """
 
     seq: int

@@ -1,4 +1,7 @@
-"""Something that happened and may set something off: a CloudEvents 1.0 event, as it is stored and delivered."""
+"""A gateway event: a CloudEvents 1.0 event that rules match and functions get, as it is stored and delivered.
+
+It comes from a topic, a metric, a schedule, a webhook, a user or the journal. The database and REST say `happening`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.event import Event
+from gateway.domain.automation.event import Event
 
 __all__ = [
     "JOURNAL",
@@ -16,10 +19,10 @@ __all__ = [
     "SCHEDULE",
     "TOPIC",
     "WEBHOOK",
-    "Happening",
+    "GatewayEvent",
     "Replay",
     "Span",
-    "journal_happening",
+    "from_journal",
 ]
 
 TOPIC = "metaros.topic.message"
@@ -30,8 +33,8 @@ JOURNAL = "metaros"  # the source of what the journal of events has, and what ev
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Happening:
-    """One event.
+class GatewayEvent:
+    """One CloudEvents 1.0 event.
 
     `id` is unique for ever within `source`: handlers are idempotent by it. `type` is `metaros.` and a kind of the
     journal, one of the four above, or what a user put. `robot` is "" for what is about no single robot. `at_ns` is
@@ -48,7 +51,7 @@ class Happening:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """Happenings from a time up to another (exclusive); none of `types` is all, `robots` are those in scope (None: all,
+    """Events from a time up to another (exclusive); none of `types` is all, `robots` are those in scope (None: all,
     and what is about no robot).
     """
 
@@ -60,7 +63,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """Happenings that are delivered once more, and how far that is.
+    """Events that are delivered once more, and how far that is.
 
     `spec` (JSON) is what its maker needs to know which of the span, and whereto, after a restart. `read` were looked
     at, `put` became deliveries. `ended_ns` is 0 while it goes on; `code` says why it ended early.
@@ -76,9 +79,9 @@ class Replay:
     code: str = ""
 
 
-def journal_happening(event: Event) -> Happening:
-    """An event of the journal as a happening."""
-    return Happening(
+def from_journal(event: Event) -> GatewayEvent:
+    """An event of the journal as it goes to rules and functions."""
+    return GatewayEvent(
         id=f"e-{event.seq}",
         type=f"{JOURNAL}.{event.kind}",
         source=JOURNAL,

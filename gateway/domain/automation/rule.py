@@ -38,7 +38,7 @@ class Maker:
         return "*" in self.robots
 
     def sees(self, robot: str) -> bool:
-        """Whether a happening about a robot is for their rules; one about none is for who sees all."""
+        """Whether an event about a robot is for their rules; one about none is for who sees all."""
         return in_scope(self.robots, robot) if robot else self.sees_all
 
     def principal(self, name: str) -> Principal:
@@ -82,7 +82,7 @@ class RuleStats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleState:
-    """What a rule remembers of one group. `token` says of which `when` it is; `state` and `last` (the happening that
+    """What a rule remembers of one group. `token` says of which `when` it is; `state` and `last` (the event that
     a timer would fire on) are JSON; `revision` 0 is a row that is not there yet; `due_ns` 0 is no timer.
     """
 
@@ -107,7 +107,7 @@ class NextFire:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hook:
-    """A door for others' webhooks. `auth` is "signature" or "bearer"; `robot` whom what comes in is about, "" nobody.
+    """An endpoint for others' webhooks. `auth` is "signature" or "bearer"; `robot` is whom its events are about, or "".
 
     `made_by` made it; `robots` is their scope then. `accepted` and `refused` count, `used_ns` is when one came last.
     """

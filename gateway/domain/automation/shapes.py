@@ -1,4 +1,4 @@
-"""Happenings in the shapes that handlers expect: EventBridge's above all, and those that others of AWS give."""
+"""Events in the shapes that handlers expect: EventBridge's above all, and those that others of AWS give."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from urllib.parse import quote_plus
 
 import orjson
 
-from gateway.domain.happening import JOURNAL, Happening
+from gateway.domain.automation.gateway_event import JOURNAL, GatewayEvent
 
 __all__ = ["ACCOUNT", "REGION", "SHAPES", "cloudevent", "eventbridge", "http_v2", "kinesis", "moment", "s3", "sqs"]
 
 ACCOUNT, REGION = "000000000000", "local"
 STORED = f"{JOURNAL}.recording.stored"
-Shape = Callable[[Happening], dict[str, Any]]
+Shape = Callable[[GatewayEvent], dict[str, Any]]
 
 
 def moment(at_ns: int, timespec: str = "milliseconds") -> str:
@@ -25,7 +25,7 @@ def moment(at_ns: int, timespec: str = "milliseconds") -> str:
     return datetime.fromtimestamp(at_ns / 1e9, UTC).isoformat(timespec=timespec).replace("+00:00", "Z")
 
 
-def eventbridge(one: Happening) -> dict[str, Any]:
+def eventbridge(one: GatewayEvent) -> dict[str, Any]:
     """As EventBridge gives events to its targets; `detail` names the robot."""
     return {
         "version": "0",
@@ -40,7 +40,7 @@ def eventbridge(one: Happening) -> dict[str, Any]:
     }
 
 
-def cloudevent(one: Happening) -> dict[str, Any]:
+def cloudevent(one: GatewayEvent) -> dict[str, Any]:
     """As CloudEvents 1.0 has it; `subject` is the robot."""
     document: dict[str, Any] = {
         "specversion": "1.0",
@@ -56,7 +56,7 @@ def cloudevent(one: Happening) -> dict[str, Any]:
     return document
 
 
-def s3(one: Happening) -> dict[str, Any]:
+def s3(one: GatewayEvent) -> dict[str, Any]:
     """A recording that is complete, as S3 tells of an object that was put; ValueError for what is no such thing."""
     if one.type != STORED:
         raise ValueError(f"only {STORED} has the shape of S3, and this is {one.type}")
@@ -85,19 +85,19 @@ def s3(one: Happening) -> dict[str, Any]:
     return {"Records": [record]}
 
 
-def sqs(many: Sequence[Happening], arn: str = f"arn:aws:sqs:{REGION}:{ACCOUNT}:metaros") -> dict[str, Any]:
-    """A batch as SQS gives it; each body is the EventBridge shape, `messageId` the happening's id."""
+def sqs(many: Sequence[GatewayEvent], arn: str = f"arn:aws:sqs:{REGION}:{ACCOUNT}:metaros") -> dict[str, Any]:
+    """A batch as SQS gives it; each body is the EventBridge shape, `messageId` the event's id."""
     return {"Records": [_message(one, arn) for one in many]}
 
 
 def kinesis(
-    many: Sequence[Happening], arn: str = f"arn:aws:kinesis:{REGION}:{ACCOUNT}:stream/metaros"
+    many: Sequence[GatewayEvent], arn: str = f"arn:aws:kinesis:{REGION}:{ACCOUNT}:stream/metaros"
 ) -> dict[str, Any]:
     """A batch as a Kinesis stream gives it; `data` is the EventBridge shape in base64, the sequence number its id."""
     return {"Records": [_record(one, arn) for one in many]}
 
 
-def http_v2(one: Happening) -> dict[str, Any]:
+def http_v2(one: GatewayEvent) -> dict[str, Any]:
     """What came in by a webhook, as an HTTP API gives it (payload format 2.0)."""
     said: Mapping[str, Any] = one.data
     path = f"/api/v1/hooks/{said.get('hook', '')}"
@@ -122,7 +122,7 @@ def http_v2(one: Happening) -> dict[str, Any]:
     }
 
 
-def _message(one: Happening, arn: str) -> dict[str, Any]:
+def _message(one: GatewayEvent, arn: str) -> dict[str, Any]:
     body = orjson.dumps(eventbridge(one))
     at_ms = str(one.at_ns // 10**6)
     return {
@@ -143,7 +143,7 @@ def _message(one: Happening, arn: str) -> dict[str, Any]:
     }
 
 
-def _record(one: Happening, arn: str) -> dict[str, Any]:
+def _record(one: GatewayEvent, arn: str) -> dict[str, Any]:
     return {
         "kinesis": {
             "kinesisSchemaVersion": "1.0",
@@ -162,7 +162,7 @@ def _record(one: Happening, arn: str) -> dict[str, Any]:
     }
 
 
-# By the name that a rule's `event_format` has; what gives batches gives one of a single happening.
+# By the name that a rule's `event_format` has; what gives batches gives one of a single event.
 SHAPES: dict[str, Shape] = {
     "eventbridge": eventbridge,
     "cloudevents": cloudevent,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.domain.recording import is_recording_id, new_recording_id
+from gateway.domain.fleet.recording import is_recording_id, new_recording_id
 
 __all__ = [
     "CANCELLED",

@@ -50,14 +50,14 @@ class LeaseTable:
         *,
         valid_s: float,
         listener: Callable[[str, str, bool], None] | None = None,
-        door: str = "teleop",
+        endpoint: str = "teleop",
         doing: str = "is driving",
     ) -> None:
         """`listener` hears a robot, a holder, and whether they drive it from now on or do no more.
 
-        `door` is where one takes a lease, and `doing` what its holder does, as people are told it.
+        `endpoint` is where one takes a lease, and `doing` what its holder does, as people are told it.
         """
-        self._door = door
+        self._endpoint = endpoint
         self._doing = doing
         self._valid_s = valid_s
         self._leases: dict[str, Lease] = {}
@@ -87,7 +87,7 @@ class LeaseTable:
             raise LeaseTakenError(f"{held.holder!r} {self._doing} {robot}", holder=held.holder)
         lease = Lease(lease_id, robot, holder, now_s + self._valid_s)
         self._leases[robot] = lease
-        self._tell(lease, True)
+        self._report(lease, True)
         return lease
 
     def renew(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
@@ -101,7 +101,7 @@ class LeaseTable:
         held = self.holder_of(robot, now_s=now_s)
         if held is None or not held.proven_by(lease_id):
             raise LeaseRequiredError(
-                f"{robot} needs a valid {self._door} lease; take one at /api/v1/robots/{robot}/{self._door}"
+                f"{robot} needs a valid {self._endpoint} lease; take one at /api/v1/robots/{robot}/{self._endpoint}"
             )
         return held
 
@@ -111,7 +111,7 @@ class LeaseTable:
         if held is None or held.lease_id != lease_id:
             return False
         del self._leases[robot]
-        self._tell(held, False)
+        self._report(held, False)
         return True
 
     def held(self, *, now_s: float) -> int:
@@ -123,7 +123,7 @@ class LeaseTable:
         held = self._leases.get(robot)
         if held is not None and held.expires_s <= now_s:
             del self._leases[robot]
-            self._tell(held, False)
+            self._report(held, False)
             return None
         if held is None and (held := self._learned.get(robot)) is not None and held.expires_s <= now_s:
             del self._learned[robot]
@@ -135,7 +135,7 @@ class LeaseTable:
         for robot in [*self._leases, *self._learned]:
             self.holder_of(robot, now_s=now_s)
 
-    def _tell(self, lease: Lease, taken: bool) -> None:
+    def _report(self, lease: Lease, taken: bool) -> None:
         if self._listener is not None:
             self._listener(lease.robot, lease.holder, taken)
         self.changed()

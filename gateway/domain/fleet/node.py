@@ -1,4 +1,4 @@
-"""A robot's node as it is to be and as the robot says it is: laid side by side, with why they differ. Pure."""
+"""A robot's node, desired and reported: compared, with why they differ. Pure."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from metaros.twin.document import NodeWanted
+from metaros.fleet.twin.document import NodeSpec
 
 __all__ = ["VERBS", "Difference", "NodeState", "TwinStanding", "node_state"]
 
@@ -70,7 +70,7 @@ class NodeState:
     online: bool
     state: str
     wanted: str
-    desired: NodeWanted | None
+    desired: NodeSpec | None
     reported: Mapping[str, Any] | None
     reported_ns: int = 0
     holder: str | None = None
@@ -79,7 +79,7 @@ class NodeState:
 
 def node_state(
     name: str,
-    desired: NodeWanted | None,
+    desired: NodeSpec | None,
     reported: Mapping[str, Any] | None,
     standing: TwinStanding,
     *,
@@ -103,7 +103,7 @@ def node_state(
     )
 
 
-def _wanted(desired: NodeWanted | None, standing: TwinStanding, holder: str | None) -> str:
+def _wanted(desired: NodeSpec | None, standing: TwinStanding, holder: str | None) -> str:
     if desired is None:
         return "absent"
     if not desired.run:
@@ -112,7 +112,7 @@ def _wanted(desired: NodeWanted | None, standing: TwinStanding, holder: str | No
 
 
 def _differences(
-    desired: NodeWanted | None,
+    desired: NodeSpec | None,
     reported: Mapping[str, Any] | None,
     standing: TwinStanding,
     wanted: str,
@@ -137,7 +137,7 @@ def _differences(
         yield Difference("nice", desired.nice, nice, standing.why or "not yet")
 
 
-def _as_wanted(desired: NodeWanted, reported: Mapping[str, Any], wanted: str) -> bool:
+def _as_wanted(desired: NodeSpec, reported: Mapping[str, Any], wanted: str) -> bool:
     state = reported.get("state")
     if wanted == "running":
         done = state == "ended" and desired.restart != "always" and reported.get("last_exit") == _EXITED

@@ -1,4 +1,4 @@
-"""Leases of migratable nodes: which robot may run a node, and from when on another one may. Pure; time is an argument.
+"""Leases of migratable nodes: which robot may run a node, and when another one may. Pure; time is an argument.
 
 A robot counts its lease from a moment of its own clock that it told us; we count the same lease from when we heard of
 that moment, which is later. So our end of a lease is never before the robot's, whatever was lost, repeated, or lay in a
@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-__all__ = ["Held", "NodeLeases", "Step", "Terms", "Unit"]
+__all__ = ["LeaseTerms", "NodeLeases", "Step", "Unit", "UnitLease"]
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -25,7 +25,7 @@ class Unit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Held:
+class UnitLease:
     """A unit's lease, as the store keeps it."""
 
     unit: Unit
@@ -41,8 +41,8 @@ class Held:
 class Step:
     """A lease that begins or goes on. It counts for the robot only once `after` is where it belongs."""
 
-    before: Held | None
-    after: Held
+    before: UnitLease | None
+    after: UnitLease
     boot_ns: int  # of the robot's clock: from there the robot counts
     heard_s: float  # when we heard of that moment, and count from
     until_s: float
@@ -54,20 +54,20 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Terms:
+class LeaseTerms:
     """How long what is good."""
 
     valid_s: float  # a lease
     margin_s: float  # from its end here to the next one's begin: clocks that run apart
     answer_s: float  # a robot that was silent for so long gets nothing new
-    shunned_s: float  # so long a unit rather goes elsewhere than to a robot where it came to grief
+    shunned_s: float  # so long a unit rather goes to another robot than to one where it failed
 
 
 @dataclass(slots=True)
-class _Known:
+class _UnitLease:
     """A row and what we make of it."""
 
-    held: Held
+    held: UnitLease
     until_s: float  # nobody has it later, by our clock
     boot_ns: int | None = None  # from where its robot counts; None: that was not told over the link that it has now
     heard_s: float = float("-inf")  # when that was told
@@ -83,12 +83,12 @@ class _Stamp:
 class NodeLeases:
     """All units that this gateway knows. Robots are those that are linked to it."""
 
-    def __init__(self, keeper: str, terms: Terms, *, shared: bool) -> None:
+    def __init__(self, keeper: str, terms: LeaseTerms, *, shared: bool) -> None:
         """`shared`: other gateways look at the same rows, so that a renewal has to be seen in them, too."""
         self._keeper = keeper
         self._terms = terms
         self._shared = shared
-        self._known: dict[Unit, _Known] = {}
+        self._known: dict[Unit, _UnitLease] = {}
         self._offers: dict[Unit, dict[str, bool]] = {}
         self._units: dict[str, Mapping[Unit, bool]] = {}
         self._stamps: dict[str, _Stamp] = {}
@@ -120,13 +120,13 @@ class NodeLeases:
             if known.held.robot == robot:
                 known.boot_ns = None
 
-    def learn(self, rows: Iterable[Held], *, now_s: float) -> None:
+    def learn(self, rows: Iterable[UnitLease], *, now_s: float) -> None:
         """All rows of the store, as they were read before `now_s`, and after every write of ours had its end."""
-        known: dict[Unit, _Known] = {}
+        known: dict[Unit, _UnitLease] = {}
         for row in rows:
             was = self._known.get(row.unit)
             same = was is not None and was.held == row
-            known[row.unit] = was if was is not None and same else _Known(row, now_s + self._terms.valid_s)
+            known[row.unit] = was if was is not None and same else _UnitLease(row, now_s + self._terms.valid_s)
             self._first_s.pop(row.unit, None)
         self._known = known
         self._under_way = frozenset()
@@ -138,7 +138,7 @@ class NodeLeases:
         """Those that have migratable nodes: they are asked."""
         return self._units.keys()
 
-    def holder(self, unit: Unit, *, now_s: float) -> Held | None:
+    def holder(self, unit: Unit, *, now_s: float) -> UnitLease | None:
         """Who may have it now."""
         known = self._known.get(unit)
         return known.held if known is not None and now_s < known.until_s else None
@@ -171,13 +171,13 @@ class NodeLeases:
             unit, robot = step.after.unit, step.after.robot
             was = self._known.get(unit)
             until_s = step.until_s if was is None else max(step.until_s, was.until_s)
-            self._known[unit] = _Known(step.after, until_s, step.boot_ns, step.heard_s)
+            self._known[unit] = _UnitLease(step.after, until_s, step.boot_ns, step.heard_s)
             self._first_s.pop(unit, None)
             if step.before is None or step.before.epoch != step.after.epoch:
                 self._shunned.pop((unit, robot), None)
 
-    def frame(self, robot: str) -> tuple[int, list[Held]]:
-        """What to tell a robot: all that it holds, and the moment of its clock from which that counts. 0 is a question
+    def frame(self, robot: str) -> tuple[int, list[UnitLease]]:
+        """The frame for a robot: all that it holds, and the moment of its clock from which that counts. 0 is a question
         for a moment, and no word about leases: we know of none over this link, or of a lease that we do not keep yet.
         """
         stamp = self._stamps.get(robot)
@@ -198,13 +198,13 @@ class NodeLeases:
         """Whether the unit could run on a robot that answers."""
         return self._answers(robot, now_s) and self._offers[unit].get(robot, False)
 
-    def _is_over(self, unit: Unit, known: _Known | None, now_s: float) -> bool:
+    def _is_over(self, unit: Unit, known: _UnitLease | None, now_s: float) -> bool:
         """Whether nobody can have it any more. One without a row may have run under another template until now."""
         first_s = self._first_s.setdefault(unit, now_s) if known is None else now_s
         until_s = known.until_s if known is not None else first_s + self._terms.valid_s
         return now_s >= until_s + self._terms.margin_s
 
-    def _goes_on(self, unit: Unit, known: _Known, now_s: float) -> bool:
+    def _goes_on(self, unit: Unit, known: _UnitLease, now_s: float) -> bool:
         """Whether its robot is here and keeps it: until it is lost, or has come to grief and another one is able."""
         robot, offers = known.held.robot, self._offers[unit]
         if robot not in offers:
@@ -220,7 +220,7 @@ class NodeLeases:
             self._shunned.setdefault((unit, robot), now_s + self._terms.shunned_s)
         return not known.released
 
-    def _renewal(self, known: _Known) -> Step | None:
+    def _renewal(self, known: _UnitLease) -> Step | None:
         """Its next term, where its robot has told a moment since."""
         held, stamp = known.held, self._stamps[known.held.robot]
         if known.boot_ns is not None and stamp.heard_s <= known.heard_s:
@@ -230,11 +230,13 @@ class NodeLeases:
             after = replace(held, renewals=held.renewals + 1, keeper=self._keeper)
         return self._step(held, after)
 
-    def _step(self, before: Held | None, after: Held) -> Step:
+    def _step(self, before: UnitLease | None, after: UnitLease) -> Step:
         stamp = self._stamps[after.robot]
         return Step(before, after, stamp.boot_ns, stamp.heard_s, stamp.heard_s + self._terms.valid_s)
 
-    def _move(self, unit: Unit, known: _Known | None, load: Counter[str], *, now_s: float, wall_ns: int) -> Step | None:
+    def _move(
+        self, unit: Unit, known: _UnitLease | None, load: Counter[str], *, now_s: float, wall_ns: int
+    ) -> Step | None:
         """To the robot that is able, was not shunned, holds least, and comes first by its name."""
         able = [robot for robot in self._offers[unit] if self._can_take(unit, robot, now_s)]
         if not able:
@@ -243,7 +245,7 @@ class NodeLeases:
         load[robot] += 1
         before = known.held if known is not None else None
         epoch = before.epoch + 1 if before is not None else 1
-        after = Held(
+        after = UnitLease(
             unit=unit,
             robot=robot,
             lease_id=f"{self._keeper}.{epoch}",

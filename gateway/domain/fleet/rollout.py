@@ -25,13 +25,13 @@ __all__ = [
     "Rollout",
     "RolloutState",
     "abort",
+    "assigned",
     "begin",
     "health_of",
     "pause",
     "refused",
     "resume",
     "step",
-    "told",
     "wave_sizes",
     "withdrawn",
 ]
@@ -83,7 +83,7 @@ class Facts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """One robot of a rollout. `wave`: in which it was told, from 1; 0 before. `good_ns`: since when it is good."""
+    """One robot of a rollout. `wave`: in which it was assigned the version, from 1; 0 before. `good_ns`: good since."""
 
     robot: str
     place: int
@@ -184,7 +184,7 @@ def step(rollout: Rollout, facts: Mapping[str, Facts], now_ns: int) -> Rollout:
     return rollout
 
 
-def told(rollout: Rollout, robot: str, now_ns: int) -> Rollout:
+def assigned(rollout: Rollout, robot: str, now_ns: int) -> Rollout:
     """The robot's twin holds the version: it is at it from now on."""
     member = rollout.members[robot]
     if member.state != "starting":

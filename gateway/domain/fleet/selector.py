@@ -1,4 +1,4 @@
-"""Which robots are meant: terms over labels, all of which hold, as `site=lab, kind in (arm, cart), !=`.
+"""Label selectors for robots: terms that must all hold, as `site=lab, kind in (arm, cart), !=`.
 
     label=value          the label has that value
     label!=value         it has another one, or none at all

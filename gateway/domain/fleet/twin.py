@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.domain.selector import Selector
-from metaros.twin import KINDS_OF_NODE, merge, merge_all
+from gateway.domain.fleet.selector import Selector
+from metaros.fleet.twin import KINDS_OF_NODE, merge, merge_all
 
 __all__ = [
     "CODE_KEYS",
@@ -123,7 +123,7 @@ def made_of(templates: Iterable[Template], robot: str, labels: Mapping[str, str]
 def effective(
     templates: Sequence[Template], own: Mapping[str, Any], *, before: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Templates in their order and the robot's own document on top; to be checked by `metaros.twin.parse`.
+    """Templates in their order and the robot's own document on top; to be checked by `metaros.fleet.twin.parse`.
 
     What `own` says of a template's node (that it is stopped, its version) waits while no template brings that node: it
     breaks nothing. Where `before` is given, only what that own document said already: a change has to make sense now.

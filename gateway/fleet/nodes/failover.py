@@ -17,14 +17,14 @@ from zlib import crc32
 
 import orjson
 
-from gateway.domain.node_lease import Held, NodeLeases, Step, Terms, Unit
-from gateway.domain.twin import Desired
+from gateway.domain.fleet.node_lease import LeaseTerms, NodeLeases, Step, Unit, UnitLease
+from gateway.domain.fleet.twin import Desired
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.robots import SendFrame
-from gateway.fleet.twin_feature import Twins
+from gateway.fleet.twins.feature import Twins
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.leases import read_leases, write_leases
+from gateway.store.fleet.leases import read_leases, write_leases
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -33,7 +33,7 @@ __all__ = ["Failover", "can_run"]
 
 log = logging.getLogger(__name__)
 
-TERMS: Final = Terms(
+TERMS: Final = LeaseTerms(
     valid_s=LIMITS.node_lease_valid_s,
     margin_s=LIMITS.node_lease_margin_s,
     answer_s=LIMITS.node_lease_answer_s,
@@ -50,7 +50,7 @@ class Failover:
 
     def __init__(self, store: Store, twins: Twins, send: SendFrame, *, clock: Clock) -> None:
         self._store = store
-        self._book = twins.book
+        self._cache = twins.cache
         self._send = send
         self._clock = clock
         keeper = secrets.token_hex(8)  # no other gateway has that, nor this one in another life
@@ -62,7 +62,7 @@ class Failover:
         self._beat = 0
         self._failed = False
         self._writing: asyncio.Task[None] | None = None
-        twins.desk.listen(self.on_report)
+        twins.manager.listen(self.on_report)
 
     def on_online(self, robot: str, online: bool) -> None:
         """A robot's link is whole, or ended."""
@@ -93,13 +93,13 @@ class Failover:
         held = self.lease_of(robot, node)
         return held.robot if held is not None else None
 
-    def lease_of(self, robot: str, node: str) -> Held | None:
+    def lease_of(self, robot: str, node: str) -> UnitLease | None:
         """The living lease of the unit that a robot's node is."""
         unit = next((unit for unit in self._units_of(robot) if unit.node == node), None)
         return self._leases.holder(unit, now_s=self._clock.monotonic_s()) if unit is not None else None
 
     async def run(self) -> None:
-        """Renew, move and tell, until cancelled. While the store fails nothing moves, nor is renewed if shared."""
+        """Renew leases, move nodes and notify robots. While the store fails nothing moves, nor is renewed if shared."""
         async with asyncio.TaskGroup() as group:
             while True:
                 await asyncio.sleep(STEP_S)
@@ -114,7 +114,7 @@ class Failover:
             self._failed = self._failed and (self._unsure or self._writing is not None)
         except StoreError as error:
             self._fail(error)
-        self._tell_some()
+        self._report_some()
 
     async def _look(self) -> None:
         """Know the rows: at the start, after a write of unknown end, and what other gateways did."""
@@ -123,14 +123,14 @@ class Failover:
             rows = await self._store.read(_read)
             self._learn(rows)
 
-    def _learn(self, rows: list[Held]) -> None:
+    def _learn(self, rows: list[UnitLease]) -> None:
         self._looked_s = self._clock.monotonic_s()
         self._leases.learn(rows, now_s=self._looked_s)
         self._unsure = False
 
     def _plan(self, group: asyncio.TaskGroup) -> None:
         for robot in self._able:
-            if self._book.desired.get(robot) is not self._units.get(robot, (None,))[0]:
+            if self._cache.desired.get(robot) is not self._units.get(robot, (None,))[0]:
                 self._offer(robot)
         if self._unsure:
             return
@@ -157,19 +157,19 @@ class Failover:
         for step in taken:
             if step.before is None or step.before.robot != step.after.robot:
                 log.info("node %s of %s runs on %s now", step.after.unit.node, step.after.unit.scope, step.after.robot)
-            self._tell(step.after.robot)
+            self._report(step.after.robot)
 
     def _fail(self, error: StoreError) -> None:
         if not self._failed:
             log.warning("leases of migratable nodes cannot be stored or read now: %s", error)
         self._failed = True
 
-    def _tell_some(self) -> None:
+    def _report_some(self) -> None:
         self._beat = (self._beat + 1) % BEATS
         for robot in [robot for robot in self._leases.robots if crc32(robot.encode()) % BEATS == self._beat]:
-            self._tell(robot)
+            self._report(robot)
 
-    def _tell(self, robot: str) -> None:
+    def _report(self, robot: str) -> None:
         since_ns, held = self._leases.frame(robot)
         valid_ms = round(TERMS.valid_s * 1000)
         leases = [
@@ -181,7 +181,7 @@ class Failover:
             self._send(robot, link_pb2.GatewayFrame(node_leases=frame))
 
     def _offer(self, robot: str) -> None:
-        able, units, desired = self._able.get(robot, {}), self._units_of(robot), self._book.desired.get(robot)
+        able, units, desired = self._able.get(robot, {}), self._units_of(robot), self._cache.desired.get(robot)
         self._leases.offer(robot, {unit: able.get(unit.node, False) for unit in units})
         if desired is None:
             self._units.pop(robot, None)
@@ -193,7 +193,7 @@ class Failover:
 
         Whoever asks changes nothing: what `_units` has was offered.
         """
-        desired = self._book.desired.get(robot)
+        desired = self._cache.desired.get(robot)
         if desired is None:
             return []
         known = self._units.get(robot)
@@ -203,7 +203,7 @@ class Failover:
 
     def _scope(self, desired: Desired, node: str) -> str:
         for name in (mark.rpartition("@")[0] for mark in desired.templates):
-            template = self._book.templates.get(name)
+            template = self._cache.templates.get(name)
             row = ((template.document.get("nodes") or {}).get(node) or {}) if template is not None else {}
             if row.get("migratable"):
                 return name
@@ -222,6 +222,6 @@ def _migratable(desired: Desired) -> Iterable[str]:
     return [name for name, row in nodes.items() if row.get("migratable") and row.get("run", True)]
 
 
-def _read(engine: StoreEngine) -> list[Held]:
+def _read(engine: StoreEngine) -> list[UnitLease]:
     with engine.transaction(write=False):
         return read_leases(engine)

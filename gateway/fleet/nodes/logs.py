@@ -1,4 +1,4 @@
-"""What robots' nodes have said: pages of their logs, the newest lines as they come, and reports of their crashes.
+"""Logs of robots' nodes: pages, live tails, and crash reports.
 
 The lines are the robot's, and the robot is not to be believed in anything: what has not the right shape is left out.
 """
@@ -15,8 +15,8 @@ from typing import Any
 import orjson
 
 from gateway.errors import CommandRefusedError, InvalidRequestError, TooManyError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.nodes import NodeDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.nodes.manager import NodeManager
 from gateway.fleet.robots import FindRobot, require_online
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -42,9 +42,15 @@ class NodeLogs:
     """All methods on the event loop."""
 
     def __init__(
-        self, desk: NodeDesk, find: FindRobot, commands: CommandDesk, *, clock: Clock, limits: Limits = LIMITS
+        self,
+        manager: NodeManager,
+        find: FindRobot,
+        commands: CommandDispatcher,
+        *,
+        clock: Clock,
+        limits: Limits = LIMITS,
     ) -> None:
-        self._desk = desk
+        self._manager = manager
         self._find = find
         self._commands = commands
         self._clock = clock
@@ -130,7 +136,7 @@ class NodeLogs:
             self._tails += Counter()  # without those that are none any more
 
     async def _require(self, robot: str, node: str) -> None:
-        (await self._desk.of_robot(robot)).get(node)
+        (await self._manager.of_robot(robot)).get(node)
         require_online(self._find(robot))
 
     async def _read(

@@ -1,4 +1,4 @@
-"""Robots' nodes as people meet them: which there are, how they do, and their rows of the twin changed."""
+"""The nodes of robots for clients: list them, report their state, and change their rows in the twin."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import Any
 import orjson
 
 from gateway.domain.errors import TwinChangedError, UnknownNodeError
-from gateway.domain.node import NodeState, TwinStanding, node_state
-from gateway.domain.selector import Selector
-from gateway.domain.twin import effective, made_of
+from gateway.domain.fleet.node import NodeState, TwinStanding, node_state
+from gateway.domain.fleet.selector import Selector
+from gateway.domain.fleet.twin import effective, made_of
 from gateway.errors import UnknownRobotError
 from gateway.fleet.robots import FindRobot, RobotView
-from gateway.fleet.twin_book import reported_values
-from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit, Outcome
-from gateway.fleet.twins import Editor, TwinState
-from metaros.twin import Twin, TwinError, parse, parse_part, read
+from gateway.fleet.twins.cache import reported_values
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.twins.manager import Editor, TwinState
+from gateway.fleet.twins.plan import Edit, Outcome
+from metaros.fleet.twin import Twin, TwinError, parse, parse_part, read
 
-__all__ = ["Holder", "NodeDesk", "RobotNodes", "nobody"]
+__all__ = ["Holder", "NodeManager", "RobotNodes", "nobody"]
 
 VALUES_BYTES = 64 * 1024  # of one robot's report in a list of many; longer ones are shown robot by robot
 ROBOTS_AT_ONCE = 16  # that are laid together in one go: a large fleet never holds the loop up
@@ -55,7 +55,7 @@ def nobody(robot: str, node: str) -> str | None:
     return None
 
 
-class NodeDesk:
+class NodeManager:
     """All methods on the event loop."""
 
     def __init__(self, twins: Twins, find: FindRobot, *, holder_of: Holder = nobody) -> None:
@@ -72,13 +72,13 @@ class NodeDesk:
 
     async def of_robot(self, robot: str) -> RobotNodes:
         """One robot's nodes; UnknownRobotError for one that never connected."""
-        state = await self._twins.desk.state(robot)
+        state = await self._twins.manager.state(robot)
         (sides,) = await asyncio.to_thread(_read, [state])
         return self._nodes(sides)
 
     async def of_many(self, selector: Selector, sees: Callable[[str], bool]) -> list[RobotNodes]:
         """The nodes of every robot that the selector names and that one sees, by robot."""
-        states = await self._twins.desk.states(selector, sees, values_bytes=VALUES_BYTES)
+        states = await self._twins.manager.states(selector, sees, values_bytes=VALUES_BYTES)
         found = []
         for number, sides in enumerate(await asyncio.to_thread(_read, states)):
             found.append(self._nodes(sides))
@@ -95,12 +95,12 @@ class NodeDesk:
 
         Raises:
             UnknownNodeError: the robot's desired state has no such node to be changed.
-            TwinError, TwinChangedError, ForbiddenError: see TwinDesk.edit.
+            TwinError, TwinChangedError, ForbiddenError: see TwinManager.edit.
         """
         found = (await self.of_robot(robot)).get(node)
         _require_wanted(found)
         edit = Edit(patch={"nodes": {node: dict(patch)}})
-        return await self._twins.desk.edit(robot, edit, editor, expected=expected, dry_run=dry_run)
+        return await self._twins.manager.edit(robot, edit, editor, expected=expected, dry_run=dry_run)
 
     async def change_many(
         self,
@@ -118,7 +118,7 @@ class NodeDesk:
         if not chosen:
             raise _nowhere(selector, node)
         edit = Edit(patch={"nodes": {node: dict(patch)}})
-        return await self._twins.desk.edit_many(
+        return await self._twins.manager.edit_many(
             selector, edit, editor, sees=lambda robot: robot in chosen, dry_run=dry_run
         )
 
@@ -162,7 +162,7 @@ class NodeDesk:
     ) -> Outcome:
         """Another row in the robot's own document, as a whole; against what is there, and again where that moved."""
         for left in reversed(range(TRIES)):
-            state = await self._twins.desk.state(robot)
+            state = await self._twins.manager.state(robot)
             own = read(state.desired.own)
             nodes = dict(own.get("nodes") or {})
             wanted = row(state)
@@ -174,7 +174,7 @@ class NodeDesk:
                 document.pop("nodes")
             seen = expected or (state.desired.revision, state.desired.edition)
             try:
-                return await self._twins.desk.edit(
+                return await self._twins.manager.edit(
                     robot, Edit(document=document), editor, expected=seen, dry_run=dry_run
                 )
             except TwinChangedError:
@@ -185,7 +185,7 @@ class NodeDesk:
     def _below(self, state: TwinState) -> dict[str, Any]:
         """The nodes that templates alone give the robot."""
         robot = state.desired.robot
-        named = made_of(self._twins.book.templates.values(), robot, state.labels)
+        named = made_of(self._twins.cache.templates.values(), robot, state.labels)
         return dict(effective(named, {}).get("nodes") or {})
 
     # -- both sides ------------------------------------------------------------------------------------------------

@@ -11,18 +11,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gateway.domain.parameter import Rules, plain, rules_of, wired
+from gateway.domain.fleet.parameter import Rules, plain, rules_of, wired
 from gateway.errors import CommandRefusedError, InvalidRequestError, RobotError
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.node_verbs import Actor
-from gateway.fleet.nodes import NodeDesk
-from gateway.fleet.orders import Order, OrderDesk
-from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit, Outcome
+from gateway.fleet.command_manager import CommandManager, NewCommand
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.nodes.manager import NodeManager
+from gateway.fleet.nodes.verbs import Actor
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.twins.plan import Edit, Outcome
 from metaros.errors import ParameterError
+from metaros.fleet.twin import read
 from metaros.idl import names
 from metaros.limits import LIMITS
-from metaros.twin import read
 
 __all__ = ["TRANSITIONS", "Lifecycle", "NodeValues", "Parameter", "SetResult"]
 
@@ -66,11 +66,13 @@ class Lifecycle:
 class NodeValues:
     """All methods on the event loop. `node` is the full ROS name of a node of the robot, see `full_name`."""
 
-    def __init__(self, desk: NodeDesk, twins: Twins, fleet: FleetDesk, orders: OrderDesk) -> None:
-        self._desk = desk
+    def __init__(
+        self, manager: NodeManager, twins: Twins, fleet: FleetManager, command_manager: CommandManager
+    ) -> None:
+        self._manager = manager
         self._twins = twins
         self._fleet = fleet
-        self._orders = orders
+        self._command_manager = command_manager
 
     async def full_name(self, robot: str, node: str, ros_name: str) -> str:
         """The ROS name of a node of the table, or the one that is given, which may be any of the robot's.
@@ -79,10 +81,10 @@ class NodeValues:
             UnknownRobotError, UnknownNodeError: there is no such thing.
             NameError_: `ros_name` is no ROS name.
         """
-        found = (await self._desk.of_robot(robot)).get(node)
+        found = (await self._manager.of_robot(robot)).get(node)
         if not ros_name:
             return found.ros_name
-        view = self._desk.view_of(robot)
+        view = self._manager.view_of(robot)
         return names.resolve(ros_name, view.robot.namespace if view is not None else f"/{robot}")
 
     # -- parameters ------------------------------------------------------------------------------------------------
@@ -147,7 +149,9 @@ class NodeValues:
         said: Sequence[Mapping[str, Any]] = [{"successful": True, "reason": ""}] * len(wire)
         if wire and not dry_run:
             asked = {"node": node, "parameters": {item["name"]: values[item["name"]] for item in wire}}
-            with self._orders.noted(Order(robot=robot, kind="set_parameters", request=asked), actor.principal):
+            with self._command_manager.track(
+                NewCommand(robot=robot, kind="set_parameters", request=asked), actor.principal
+            ):
                 answer = await self._call(robot, node, "SetParameters", "set_parameters", {"parameters": wire})
             said = answer["results"]
         if len(said) != len(wire):
@@ -209,7 +213,7 @@ class NodeValues:
         if number is None or dry_run:
             return number is not None, before, None
         asked = {"node": node, "transition": transition}
-        with self._orders.noted(Order(robot=robot, kind="change_state", request=asked), actor.principal):
+        with self._command_manager.track(NewCommand(robot=robot, kind="change_state", request=asked), actor.principal):
             request = {"transition": {"id": number, "label": transition}}
             answer = await self._call(robot, node, "ChangeState", "change_state", request)
         after = await self.lifecycle(robot, node)
@@ -244,11 +248,11 @@ class NodeValues:
         return next((rows[key] for key in self._keys(robot, node) if key in rows), None)
 
     def _section(self, robot: str, section: str) -> dict[str, Any]:
-        desired = self._twins.desk.desired_of(robot)
+        desired = self._twins.manager.desired_of(robot)
         return dict(read(desired.document).get(section) or {}) if desired is not None else {}
 
     def _keys(self, robot: str, node: str) -> Iterator[str]:
-        view = self._desk.view_of(robot)
+        view = self._manager.view_of(robot)
         prefix = view.robot.namespace.rstrip("/") + "/" if view is not None else f"/{robot}/"
         yield node
         if node.startswith(prefix):
@@ -261,7 +265,7 @@ class NodeValues:
         rows = self._section(robot, section)
         key = next((key for key in self._keys(robot, node) if key in rows), node)
         edit = Edit(patch={section: {key: value}})
-        return await self._twins.desk.edit(robot, edit, actor.editor, dry_run=dry_run)
+        return await self._twins.manager.edit(robot, edit, actor.editor, dry_run=dry_run)
 
 
 def _known(steps: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str]]:

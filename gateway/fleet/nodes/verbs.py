@@ -11,22 +11,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gateway.domain.node import VERBS, NodeState
+from gateway.domain.fleet.node import VERBS, NodeState
+from gateway.domain.fleet.selector import Selector
 from gateway.domain.principal import Principal
-from gateway.domain.selector import Selector
 from gateway.errors import CommandRefusedError, InvalidRequestError, RobotError, RobotOfflineError, TooManyError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.nodes import NodeDesk
-from gateway.fleet.orders import Order, OrderDesk
-from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit, Outcome
-from gateway.fleet.twins import Editor
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.command_manager import CommandManager, NewCommand
+from gateway.fleet.nodes.manager import NodeManager
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.twins.manager import Editor
+from gateway.fleet.twins.plan import Edit, Outcome
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
-__all__ = ["Actor", "Deed", "NodeVerbs", "Result"]
+__all__ = ["Actor", "NodeAction", "NodeVerbs", "Result"]
 
 LASTING = ("start", "stop")
 NOT_YET = "invalid_config"  # what a supervisor says to `start` before it has the row that lets the node run
@@ -35,8 +35,8 @@ MAX_SIGNAL = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deed:
-    """What is to be done to a node of that name."""
+class NodeAction:
+    """A verb on a node of that name."""
 
     node: str
     verb: str
@@ -60,11 +60,11 @@ class Deed:
         """Whether the twin can say it, too: said twice it is the same."""
         return self.verb in LASTING
 
-    def order(self, robot: str) -> Order:
+    def order(self, robot: str) -> NewCommand:
         """As the history of commands has it."""
         asked: dict[str, Any] = {"node": self.node, "verb": self.verb}
         asked |= {"signal": self.signal} if self.verb == "signal" else {}
-        return Order(robot=robot, kind="node_verb", request=asked, timeout_s=LIMITS.node_verb_s)
+        return NewCommand(robot=robot, kind="node_verb", request=asked, timeout_s=LIMITS.node_verb_s)
 
     @property
     def edit(self) -> Edit:
@@ -89,7 +89,7 @@ class Result:
     """
 
     robot: str
-    deed: Deed
+    action: NodeAction
     dry_run: bool
     outcome: str
     told: bool = False
@@ -100,43 +100,51 @@ class Result:
 class NodeVerbs:
     """All methods on the event loop."""
 
-    def __init__(self, desk: NodeDesk, twins: Twins, commands: CommandDesk, orders: OrderDesk, *, clock: Clock) -> None:
-        self._desk = desk
+    def __init__(
+        self,
+        manager: NodeManager,
+        twins: Twins,
+        commands: CommandDispatcher,
+        command_manager: CommandManager,
+        *,
+        clock: Clock,
+    ) -> None:
+        self._manager = manager
         self._twins = twins
         self._commands = commands
-        self._orders = orders
+        self._command_manager = command_manager
         self._clock = clock
 
-    async def act(self, robot: str, deed: Deed, actor: Actor, *, dry_run: bool) -> Result:
+    async def act(self, robot: str, action: NodeAction, actor: Actor, *, dry_run: bool) -> Result:
         """Do it to one robot's node.
 
         Raises:
             UnknownRobotError, UnknownNodeError: there is no such thing.
-            TwinError, ForbiddenError: see TwinDesk.edit.
+            TwinError, ForbiddenError: see TwinManager.edit.
         """
-        node = (await self._desk.of_robot(robot)).get(deed.node)
+        node = (await self._manager.of_robot(robot)).get(action.node)
         edited = None
-        if _edits(node, deed):
-            edited = await self._twins.desk.edit(robot, deed.edit, actor.editor, dry_run=dry_run)
-        return await self._at_robot(node, deed, actor, edited, dry_run=dry_run)
+        if _edits(node, action):
+            edited = await self._twins.manager.edit(robot, action.edit, actor.editor, dry_run=dry_run)
+        return await self._at_robot(node, action, actor, edited, dry_run=dry_run)
 
     async def act_many(
-        self, selector: Selector, deed: Deed, actor: Actor, *, sees: Callable[[str], bool], dry_run: bool
+        self, selector: Selector, action: NodeAction, actor: Actor, *, sees: Callable[[str], bool], dry_run: bool
     ) -> list[Result]:
         """Do it at every robot named that has such a node. The twins change all together or not at all; what robots
         make of it is told one by one."""
-        nodes = [item.get(deed.node) for item in await self._desk.with_node(selector, deed.node, sees)]
+        nodes = [item.get(action.node) for item in await self._manager.with_node(selector, action.node, sees)]
         edited: dict[str, Outcome] = {}
-        editing = {node.robot for node in nodes if _edits(node, deed)}
+        editing = {node.robot for node in nodes if _edits(node, action)}
         if editing:
-            outcomes = await self._twins.desk.edit_many(
-                selector, deed.edit, actor.editor, sees=lambda robot: robot in editing, dry_run=dry_run
+            outcomes = await self._twins.manager.edit_many(
+                selector, action.edit, actor.editor, sees=lambda robot: robot in editing, dry_run=dry_run
             )
             edited = {item.after.robot: item for item in outcomes}
-        return await self._at_robots(nodes, deed, actor, edited, dry_run=dry_run)
+        return await self._at_robots(nodes, action, actor, edited, dry_run=dry_run)
 
     async def _at_robots(
-        self, nodes: Sequence[NodeState], deed: Deed, actor: Actor, edited: dict[str, Outcome], *, dry_run: bool
+        self, nodes: Sequence[NodeState], action: NodeAction, actor: Actor, edited: dict[str, Outcome], *, dry_run: bool
     ) -> list[Result]:
         turns, until_s = asyncio.Semaphore(LIMITS.group_at_once), self._clock.monotonic_s() + LIMITS.group_s
 
@@ -144,7 +152,7 @@ class NodeVerbs:
             async with turns:
                 late = self._clock.monotonic_s() >= until_s
                 return await self._at_robot(
-                    node, deed, actor, edited.get(node.robot), dry_run=dry_run, late=late and node.online
+                    node, action, actor, edited.get(node.robot), dry_run=dry_run, late=late and node.online
                 )
 
         return list(await asyncio.gather(*(one(node) for node in nodes)))
@@ -152,15 +160,15 @@ class NodeVerbs:
     async def _at_robot(
         self,
         node: NodeState,
-        deed: Deed,
+        action: NodeAction,
         actor: Actor,
         edited: Outcome | None,
         *,
         dry_run: bool,
         late: bool = False,
     ) -> Result:
-        lasting = deed.lasts and node.desired is not None
-        result = Result(robot=node.robot, deed=deed, dry_run=dry_run, outcome="done", edited=edited)
+        lasting = action.lasts and node.desired is not None
+        result = Result(robot=node.robot, action=action, dry_run=dry_run, outcome="done", edited=edited)
         error: MetarosError | None = None
         if not node.online:
             error = RobotOfflineError(f"robot {node.robot} has no link now")
@@ -168,7 +176,7 @@ class NodeVerbs:
             error = TooManyError(f"robot {node.robot}'s turn did not come within {LIMITS.group_s:g} s")
         elif not dry_run:
             try:
-                await self._tell(node.robot, deed, actor, fresh=edited is not None)
+                await self._send(node.robot, action, actor, fresh=edited is not None)
             except MetarosError as caught:
                 error = caught
         if error is None:
@@ -176,23 +184,23 @@ class NodeVerbs:
         comes = lasting and (edited is not None or not isinstance(error, CommandRefusedError))
         return replace(result, outcome="pending" if comes else "failed", error=error)
 
-    async def _tell(self, robot: str, deed: Deed, actor: Actor, *, fresh: bool) -> None:
+    async def _send(self, robot: str, action: NodeAction, actor: Actor, *, fresh: bool) -> None:
         """Have the robot do it now, and keep that among its commands. `fresh`: the twin it needs is on its way."""
         until_s = self._clock.monotonic_s() + LIMITS.node_fresh_s
-        with self._orders.noted(deed.order(robot), actor.principal):
+        with self._command_manager.track(action.order(robot), actor.principal):
             while True:
                 try:
-                    await self._commands.run(robot, deed.wire, timeout_s=LIMITS.node_verb_s)
+                    await self._commands.run(robot, action.wire, timeout_s=LIMITS.node_verb_s)
                     return
                 except RobotError as error:
                     code = error.agent_code if isinstance(error, CommandRefusedError) else ""
-                    if not (fresh and deed.verb == "start" and code == NOT_YET):
+                    if not (fresh and action.verb == "start" and code == NOT_YET):
                         raise
                     if self._clock.monotonic_s() >= until_s:
                         raise
                 await asyncio.sleep(AGAIN_S)
 
 
-def _edits(node: NodeState, deed: Deed) -> bool:
+def _edits(node: NodeState, action: NodeAction) -> bool:
     """Whether the twin says otherwise until now."""
-    return deed.lasts and node.desired is not None and node.desired.run != (deed.verb == "start")
+    return action.lasts and node.desired is not None and node.desired.run != (action.verb == "start")

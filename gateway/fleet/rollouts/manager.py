@@ -1,7 +1,7 @@
-"""The desk of rollouts: starts and steers them for people, and carries them on, one gateway of the store at a time.
+"""Manages rollouts: starts and steers them for clients, and advances them, on one gateway of the store at a time.
 
-What follows from what is decided by gateway/domain/rollout.py alone. A robot's place is taken in the store before its
-twin is changed, and its twin is changed again until that is known to be done: whatever stops a gateway, no robot is
+What follows from what is decided by gateway/domain/fleet/rollout.py alone. A robot's place is taken in the store before
+its twin is changed, and its twin is changed again until that is known to be done: whatever stops a gateway, no robot is
 told without being counted.
 """
 
@@ -13,28 +13,28 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
-from gateway.domain import rollout as engine_of
-from gateway.domain.once import Once
-from gateway.domain.recording import new_recording_id
-from gateway.domain.rollout import IN_FLIGHT, OPEN, Facts, Plan, Rollout, health_of
+from gateway.domain.fleet import rollout as engine_of
+from gateway.domain.fleet.recording import new_recording_id
+from gateway.domain.fleet.rollout import IN_FLIGHT, OPEN, Facts, Plan, Rollout, health_of
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.errors import InvalidRequestError, StoreError, TooManyError
-from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
+from gateway.fleet.rollouts.errors import RolloutStateError, UnknownRolloutError
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.once import made_before, remember_made
-from gateway.store.rollouts import (
+from gateway.store.fleet.idempotency import made_before, remember_made
+from gateway.store.fleet.rollouts import (
     add_rollout,
     list_rollouts,
     open_rollouts,
     read_rollout,
     save_rollout,
 )
-from gateway.store.updates import take_duty
+from gateway.store.fleet.updates import take_duty
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["FleetSide", "RolloutDesk"]
+__all__ = ["FleetBackend", "RolloutManager"]
 
 log = logging.getLogger(__name__)
 
@@ -46,8 +46,8 @@ TRIES = 8
 LISTED = 200
 
 
-class FleetSide(Protocol):
-    """What a rollout needs of robots; the twins' desk and the registry have it."""
+class FleetBackend(Protocol):
+    """What a rollout needs of robots; the twin manager and the registry provide it."""
 
     async def named(self, selector: str) -> list[str]:
         """The robots that a selector names; SelectorError when it is none."""
@@ -71,13 +71,13 @@ class FleetSide(Protocol):
         """Whether robots can fetch that version."""
 
 
-class RolloutDesk:
+class RolloutManager:
     """All methods on the event loop; steps of large rollouts are made on a thread."""
 
     def __init__(
         self,
         store: Store,
-        fleet: FleetSide,
+        fleet: FleetBackend,
         *,
         clock: Clock,
         changed: Callable[[Rollout], None] | None = None,
@@ -93,7 +93,7 @@ class RolloutDesk:
         self._trouble = ""
 
     async def start(
-        self, plan: Plan, *, by: str, sees: Callable[[str], bool], dry_run: bool, once: Once | None = None
+        self, plan: Plan, *, by: str, sees: Callable[[str], bool], dry_run: bool, once: IdempotentRequest | None = None
     ) -> Rollout:
         """Begin a rollout to the robots that the plan's selector names and who asks may see.
 
@@ -212,12 +212,12 @@ class RolloutDesk:
         settled = after
         for robot, member in after.members.items():
             if member.state == "starting" and after.state in OPEN:
-                settled = await self._tell(settled, robot)
+                settled = await self._report(settled, robot)
         if settled is not after:
             changed = frozenset(r for r, m in settled.members.items() if m != after.members[r])
             await self._save(after, replace(settled, changed=changed), revision)
 
-    async def _tell(self, one: Rollout, robot: str) -> Rollout:
+    async def _report(self, one: Rollout, robot: str) -> Rollout:
         try:
             author = f"rollout {one.id}"
             await self._fleet.set_path(robot, one.plan.path, one.plan.version, author=author)
@@ -225,7 +225,7 @@ class RolloutDesk:
             raise
         except MetarosError as error:
             return engine_of.refused(one, robot, f"its twin cannot hold it: {error}", self._clock.wall_ns())
-        return engine_of.told(one, robot, self._clock.wall_ns())
+        return engine_of.assigned(one, robot, self._clock.wall_ns())
 
     async def _save(self, before: Rollout, after: Rollout, revision: int) -> int:
         """The new revision; 0 when somebody else changed it meanwhile: it is read again with the next step."""

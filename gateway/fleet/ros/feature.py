@@ -1,42 +1,42 @@
-"""Robots' ROS graphs as one part of the gateway: what is in them, goals for their actions, and what clients offer."""
+"""Robots' ROS graphs as one feature of the gateway: their contents, goals for actions, and what clients offer."""
 
 from __future__ import annotations
 
 import asyncio
 from typing import Final
 
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.goals import GoalDesk
-from gateway.fleet.graph_book import GraphBook
-from gateway.fleet.offers import OfferDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.manager import FleetManager
 from gateway.fleet.robots import FindRobot, SendFrame
+from gateway.fleet.ros.goals import GoalManager
+from gateway.fleet.ros.graph_registry import GraphRegistry
+from gateway.fleet.ros.offers import OfferManager
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["RosSide"]
+__all__ = ["RosFeature"]
 
 TICK_S: Final = 1.0
 
 
-class RosSide:
+class RosFeature:
     """`graphs`, `goals` and `offers` for clients; all methods on the event loop."""
 
     def __init__(
         self,
         find: FindRobot,
-        commands: CommandDesk,
-        fleet: FleetDesk,
+        commands: CommandDispatcher,
+        fleet: FleetManager,
         send: SendFrame,
         *,
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
-        self.graphs = GraphBook(limits=limits)
-        self.goals = GoalDesk(find, commands, fleet, self.graphs, clock=clock, limits=limits)
-        self.offers = OfferDesk(find, send, self.graphs, limits=limits)
-        fleet.know(self.graphs.of)
+        self.graphs = GraphRegistry(limits=limits)
+        self.goals = GoalManager(find, commands, fleet, self.graphs, clock=clock, limits=limits)
+        self.offers = OfferManager(find, send, self.graphs, limits=limits)
+        fleet.use_graphs(self.graphs.of)
 
     def on_frame(self, robot_id: str, frame: link_pb2.AgentFrame) -> None:
         """One of the frames that a session leaves to this part."""

@@ -1,4 +1,4 @@
-"""A goal of a robot's action server as a gateway follows it: how it stands, and what is told of it."""
+"""A goal of a robot's action server as a gateway follows it: its status, and its events."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
 from gateway.errors import TooManyError
-from gateway.fleet.typed import decode
+from gateway.fleet.ros.typed import decode
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue
@@ -35,7 +35,7 @@ PENDING: Final = 32  # events of one reader; a goal has fewer changes of its sta
 
 @dataclass(slots=True, eq=False)
 class GoalEvent:
-    """Something was told of a goal. `cdr` is the robot's X_FeedbackMessage, or its X_GetResult_Response."""
+    """A goal's new status, feedback or result. `cdr` is the robot's X_FeedbackMessage, or its X_GetResult_Response."""
 
     kind: Literal["status", "feedback", "result"]
     status: GoalStatus
@@ -157,40 +157,40 @@ class Goal:
         if len(self._readers) >= LIMITS.goal_readers:
             raise TooManyError(f"{LIMITS.goal_readers} clients listen to goal {self.id} already")
 
-    def take(self, told: link_pb2.GoalEvent) -> None:
+    def take(self, report: link_pb2.GoalEvent) -> None:
         """What the robot says of it. After its end nothing counts any more."""
         if self.end is not None:
             return
         self.accepted = True
-        status = STATUSES.get(told.status, self.status)
-        self.skipped = told.skipped
-        if told.feedback:
+        status = STATUSES.get(report.status, self.status)
+        self.skipped = report.skipped
+        if report.feedback:
             part = f"{self.type_name}_FeedbackMessage"
-            event = GoalEvent("feedback", self.status, told.stamp_ns, told.feedback, part=part)
+            event = GoalEvent("feedback", self.status, report.stamp_ns, report.feedback, part=part)
             event.catalogue = self._catalogue
             self.newest_feedback = event
-            self._tell(event)
-        if told.ended:
-            self.finish(status if status in ENDS else "lost", told)
+            self._report(event)
+        if report.ended:
+            self.finish(status if status in ENDS else "lost", report)
         elif status != self.status or not self.reachable:
             self.status, self.reachable, self.message = status, True, ""
-            self._tell(GoalEvent("status", status, told.stamp_ns))
+            self._report(GoalEvent("status", status, report.stamp_ns))
 
     def unreachable(self, now_s: float) -> None:
         """Its robot has no link any more: nobody knows how it stands."""
         if self.end is None and self.reachable:
             self.reachable, self.changed_s, self.message = False, now_s, "the robot has no link now"
-            self._tell(GoalEvent("status", self.status, message=self.message))
+            self._report(GoalEvent("status", self.status, message=self.message))
 
-    def finish(self, status: GoalStatus, told: link_pb2.GoalEvent) -> None:
+    def finish(self, status: GoalStatus, report: link_pb2.GoalEvent) -> None:
         """It is over. Nothing happens the second time."""
         if self.end is not None:
             return
-        self.status, self.message = status, told.message
+        self.status, self.message = status, report.message
         part = f"{self.type_name}_GetResult_Response"
-        self.end = GoalEvent("result", status, told.stamp_ns, told.result, told.message, part, self._catalogue)
-        self._tell(self.end)
+        self.end = GoalEvent("result", status, report.stamp_ns, report.result, report.message, part, self._catalogue)
+        self._report(self.end)
 
-    def _tell(self, event: GoalEvent) -> None:
+    def _report(self, event: GoalEvent) -> None:
         for reader in self._readers:
             reader.put(event)

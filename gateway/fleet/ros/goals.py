@@ -1,4 +1,4 @@
-"""Goals for robots' action servers: sent through the one path of commands, followed to a plain end.
+"""Goals for robots' action servers: sent as commands, followed until they end.
 
 The robot's agent follows a goal, link or no link. While there is none the goal is `unreachable`; it ends as "lost" when
 the robot comes back without it, or does not come back for `goal_lost_s`. A robot that comes from another gateway
@@ -14,34 +14,34 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.errors import TooManyError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.goal import Goal
-from gateway.fleet.graph_book import GraphBook
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.manager import FleetManager
 from gateway.fleet.robots import FindRobot, require_online
-from gateway.fleet.ros_errors import UnknownActionError, UnknownGoalError
-from gateway.fleet.typed import catalogue_for, decode, encode
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.errors import UnknownActionError, UnknownGoalError
+from gateway.fleet.ros.goal import Goal
+from gateway.fleet.ros.graph_registry import GraphRegistry
+from gateway.fleet.ros.typed import catalogue_for, decode, encode
+from gateway.fleet.ros.types import full_type_name
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.idl import Catalogue, default_catalogue, names
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["GoalDesk"]
+__all__ = ["GoalManager"]
 
 CANCEL = "action_msgs/srv/CancelGoal_Response"
 MESSAGE_CHARS = 1024
 
 
-class GoalDesk:
+class GoalManager:
     """`send`, `cancel`, `find`, `of` for clients; the rest for the link. All on the event loop."""
 
     def __init__(
         self,
         find: FindRobot,
-        commands: CommandDesk,
-        fleet: FleetDesk,
-        graphs: GraphBook,
+        commands: CommandDispatcher,
+        fleet: FleetManager,
+        graphs: GraphRegistry,
         *,
         clock: Clock,
         limits: Limits = LIMITS,
@@ -77,7 +77,7 @@ class GoalDesk:
             UnknownActionError: no type is given, and the robot's graph has no such action.
             FieldError, UnknownTypeError, TypeHashError: the goal does not fit its type, or that is not known.
             LeaseRequiredError: the action moves the robot, and the lease is not held.
-            RobotOfflineError, CommandTimeoutError, CommandRefusedError: see CommandDesk.
+            RobotOfflineError, CommandTimeoutError, CommandRefusedError: see CommandDispatcher.
         """
         view = require_online(self._find(robot_id))
         full = names.resolve(action, view.robot.namespace)
@@ -127,8 +127,8 @@ class GoalDesk:
         """The goals of a robot that are known, the newest first."""
         return list(reversed(self._goals.get(robot_id, OrderedDict()).values()))
 
-    def told(self, robot_id: str) -> link_pb2.GoalEvents:
-        """How the robot's open goals stand, as its agent would tell it, for a gateway that has not heard it."""
+    def open_events(self, robot_id: str) -> link_pb2.GoalEvents:
+        """The state of the robot's open goals, as its agent would report it, for a gateway that has not received it."""
         graph, events = self._graphs.of(robot_id), link_pb2.GoalEvents()
         for goal in self.of(robot_id):
             info = graph.actions.get(goal.action)
@@ -145,16 +145,16 @@ class GoalDesk:
 
     # -- the link ---------------------------------------------------------------------------------------------------
 
-    def on_events(self, robot_id: str, told: link_pb2.GoalEvents) -> None:
+    def on_events(self, robot_id: str, report: link_pb2.GoalEvents) -> None:
         """A robot tells of its goals."""
-        for event in told.events:
+        for event in report.events:
             _shorten(event, self._limits)
             goal = self._goals.get(robot_id, OrderedDict()).get(event.goal_id) or self._adopt(robot_id, event)
             if goal is not None:
                 goal.take(event)
                 goal.changed_s = self._clock.monotonic_s()
-        if told.all_told:
-            known = set(told.goal_ids)
+        if report.all_told:
+            known = set(report.goal_ids)
             for goal in self.of(robot_id):
                 if not goal.ended and goal.goal_id not in known:
                     self._end(goal, "lost", "the robot's agent was started anew and does not know the goal any more")
@@ -203,14 +203,16 @@ class GoalDesk:
         self._forget(goal)
         return self.find(goal.robot, begun)
 
-    def _adopt(self, robot_id: str, told: link_pb2.GoalEvent) -> Goal | None:
+    def _adopt(self, robot_id: str, report: link_pb2.GoalEvent) -> Goal | None:
         """A goal that another gateway sent, or this one before it was started anew."""
-        if len(told.goal_id) != 16 or len(told.action) + len(told.type_name) > LIMITS.ros_name_chars:
+        if len(report.goal_id) != 16 or len(report.action) + len(report.type_name) > LIMITS.ros_name_chars:
             return None
         catalogue: Catalogue | None = self._graphs.of(robot_id).catalogue_of(
-            f"{told.type_name}_SendGoal", told.type_hash
+            f"{report.type_name}_SendGoal", report.type_hash
         )
-        goal = Goal(robot_id, told.goal_id, told.action, told.type_name, catalogue, started_ns=self._clock.wall_ns())
+        goal = Goal(
+            robot_id, report.goal_id, report.action, report.type_name, catalogue, started_ns=self._clock.wall_ns()
+        )
         try:
             self._keep(goal)
         except TooManyError:
@@ -222,11 +224,11 @@ class GoalDesk:
         goal.changed_s = self._clock.monotonic_s()
 
 
-def _shorten(told: link_pb2.GoalEvent, limits: Limits) -> None:
+def _shorten(report: link_pb2.GoalEvent, limits: Limits) -> None:
     """Leave out what an agent would not have sent: so many goals are kept, with what was told last of each."""
-    told.message = told.message[:MESSAGE_CHARS]
-    if len(told.feedback) > limits.goal_feedback_bytes:
-        told.feedback, told.skipped = b"", min(told.skipped + 1, 1 << 62)
-    if len(told.result) > limits.result_bytes:
-        told.message = f"its result of {len(told.result)} bytes is left out: at most {limits.result_bytes} are kept"
-        told.result = b""
+    report.message = report.message[:MESSAGE_CHARS]
+    if len(report.feedback) > limits.goal_feedback_bytes:
+        report.feedback, report.skipped = b"", min(report.skipped + 1, 1 << 62)
+    if len(report.result) > limits.result_bytes:
+        report.message = f"its result of {len(report.result)} bytes is left out: at most {limits.result_bytes} are kept"
+        report.result = b""

@@ -1,4 +1,4 @@
-"""A robot's part of the ROS graph, as its agent tells it: nodes, who publishes and subscribes, services, actions."""
+"""A robot's part of the ROS graph, as its agent reports it: nodes, who publishes and subscribes, services, actions."""
 
 from __future__ import annotations
 

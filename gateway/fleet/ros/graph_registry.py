@@ -1,4 +1,4 @@
-"""The graphs of all robots: what their agents report adds up here, and whoever cares is told of changes."""
+"""The graphs of all robots: accumulates the reports of their agents, and notifies watchers of changes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from itertools import groupby
 from types import MappingProxyType
 from typing import Final
 
-from gateway.fleet.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
+from gateway.fleet.ros.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError, TooLargeError
 from metaros.idl import Catalogue, default_catalogue
 from metaros.idl.catalogue import parse_definition
 from metaros.idl.hashing import type_hash
 from metaros.limits import LIMITS, Limits
-from metaros.link.type_steps import TYPE_STEPS, steps_of
+from metaros.link.parse_cost import TYPE_STEPS, parse_cost
 
-__all__ = ["GraphBook", "catalogue_from"]
+__all__ = ["GraphRegistry", "catalogue_from"]
 
 log = logging.getLogger(__name__)
 ACTION: Final = "/_action/"
@@ -29,31 +29,31 @@ SERVER, CLIENT = link_pb2.ENDPOINT_KIND_SERVER, link_pb2.ENDPOINT_KIND_CLIENT
 Kinds = dict[int, dict[str, tuple[Endpoint, ...]]]
 
 
-class GraphBook:
+class GraphRegistry:
     """`of` reads, `watch` follows. All on the event loop; a robot's graph stays while its link is away."""
 
     def __init__(self, *, limits: Limits = LIMITS) -> None:
         self._limits = limits
-        self._told: OrderedDict[str, _Told] = OrderedDict()  # the robot that was heard last is the last one
+        self._graphs: OrderedDict[str, _ReportedGraph] = OrderedDict()  # the robot that was heard last is the last one
         self._watchers: list[Callable[[str], None]] = []
 
     def of(self, robot_id: str) -> RobotGraph:
         """How a robot's graph stood when it was last heard; an empty one of revision 0 before that."""
-        told = self._told.get(robot_id)
-        return told.graph() if told is not None else RobotGraph(robot=robot_id)
+        reported = self._graphs.get(robot_id)
+        return reported.graph() if reported is not None else RobotGraph(robot=robot_id)
 
     def known(self) -> list[str]:
         """The robots that told something."""
-        return [robot_id for robot_id, told in self._told.items() if told.revision]
+        return [robot_id for robot_id, reported in self._graphs.items() if reported.revision]
 
     def knows(self, robot_id: str) -> bool:
         """Whether something of a robot is kept; the graphs of others may have taken its room."""
-        return robot_id in self._told
+        return robot_id in self._graphs
 
     def reports(self, robot_id: str) -> list[link_pb2.GraphReport]:
-        """All that is known of a robot, as its agent would tell it anew; nothing where nothing is known."""
-        told = self._told.get(robot_id)
-        return told.reports(limits=self._limits) if told is not None and told.revision else []
+        """All that is known of a robot, as its agent would report it anew; nothing where nothing is known."""
+        reported = self._graphs.get(robot_id)
+        return reported.reports(limits=self._limits) if reported is not None and reported.revision else []
 
     def watch(self, callback: Callable[[str], None]) -> Callable[[], None]:
         """Call `callback(robot_id)` after each change; returns how to stop that. It must not raise or wait."""
@@ -67,31 +67,31 @@ class GraphBook:
 
     def on_report(self, robot_id: str, report: link_pb2.GraphReport) -> None:
         """A robot's agent told something; changes are seen when all of a revision has come."""
-        if report.anew or robot_id not in self._told:
-            before = self._told.pop(robot_id, None)
-            self._told[robot_id] = _Told(robot_id, shown=before.graph() if before is not None else None)
-        told = self._told[robot_id]
-        self._told.move_to_end(robot_id)
-        told.take(report, limits=self._limits)
+        if report.anew or robot_id not in self._graphs:
+            before = self._graphs.pop(robot_id, None)
+            self._graphs[robot_id] = _ReportedGraph(robot_id, shown=before.graph() if before is not None else None)
+        reported = self._graphs[robot_id]
+        self._graphs.move_to_end(robot_id)
+        reported.take(report, limits=self._limits)
         self._shed(robot_id)
         if report.more:
             return
-        told.settle(report.revision)
+        reported.settle(report.revision)
         for callback in list(self._watchers):
             callback(robot_id)
 
     def _shed(self, but: str) -> None:
         """Forget the graphs that were longest not spoken of, when all together are too large."""
-        total = sum(told.size_bytes for told in self._told.values())
-        for robot_id in list(self._told):
+        total = sum(reported.size_bytes for reported in self._graphs.values())
+        for robot_id in list(self._graphs):
             if total <= self._limits.graphs_bytes:
                 return
             if robot_id != but:
-                total -= self._told.pop(robot_id).size_bytes
+                total -= self._graphs.pop(robot_id).size_bytes
 
 
-class _Told:
-    """What one robot's agent told over its newest link. `shown` is what people see until that is complete."""
+class _ReportedGraph:
+    """What one robot's agent reported over its newest link. `shown` is what people see until that is complete."""
 
     def __init__(self, robot: str, *, shown: RobotGraph | None) -> None:
         self.robot = robot
@@ -134,7 +134,7 @@ class _Told:
         )
         reports, room = [first], limits.graph_type_steps
         for text in self.texts.values():
-            steps = steps_of(text, enough=limits.graph_type_steps)
+            steps = parse_cost(text, enough=limits.graph_type_steps)
             if steps > room:
                 reports.append(link_pb2.GraphReport())
                 room = limits.graph_type_steps
@@ -162,7 +162,7 @@ class _Told:
         for text in texts:
             if room < TYPE_STEPS:
                 return
-            steps = steps_of(text, enough=room)
+            steps = parse_cost(text, enough=room)
             if steps <= room:
                 self._learn(text, limits)
             else:
@@ -222,12 +222,12 @@ def catalogue_from(text: link_pb2.TypeText) -> Catalogue:
     return catalogue
 
 
-def _by_kind(told: Iterable[link_pb2.GraphEndpoint]) -> Kinds:
+def _by_kind(reported: Iterable[link_pb2.GraphEndpoint]) -> Kinds:
     def order(end: link_pb2.GraphEndpoint) -> tuple[int, str, str, int]:
         return (end.kind, end.name, end.node, end.number)
 
     found: Kinds = {}
-    for (kind, name), ends in groupby(sorted(told, key=order), key=lambda end: (end.kind, end.name)):
+    for (kind, name), ends in groupby(sorted(reported, key=order), key=lambda end: (end.kind, end.name)):
         found.setdefault(kind, {})[name] = tuple(
             Endpoint(end.node, end.type_name, end.type_hash, end.qos) for end in ends
         )

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from gateway.fleet.typed import decode, encode
+from gateway.fleet.ros.typed import decode, encode
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue
 
@@ -86,7 +86,7 @@ class Offer:
 
     def frame(self) -> link_pb2.Offer:
         """As the robot is told."""
-        told = link_pb2.Offer(
+        message = link_pb2.Offer(
             number=self.number,
             action=self.execute is not None,
             name=self.name,
@@ -94,5 +94,5 @@ class Offer:
             type_hash=self.type_hash,
         )
         if self.text is not None:
-            told.type.CopyFrom(self.text)
-        return told
+            message.type.CopyFrom(self.text)
+        return message

@@ -1,4 +1,4 @@
-"""What clients of the gateway serve in robots' graphs: the robot is told the whole list, and asks come back.
+"""Services and actions that clients of the gateway serve in robots' graphs: robots get the list, requests come back.
 
 A robot without a link serves none of it; with the link the list is told anew. What is under way when the link goes is
 cancelled here, as nobody could hear its answer.
@@ -13,28 +13,28 @@ import logging
 from typing import Any, Final
 
 from gateway.errors import CommandTimeoutError, RobotOfflineError, TooManyError
-from gateway.fleet.graph_book import GraphBook
-from gateway.fleet.offer import JSON, Answer, Dialect, Execute, Offer, OfferedGoal
 from gateway.fleet.robots import FindRobot, SendFrame, require_online
-from gateway.fleet.ros_errors import OfferRefusedError
-from gateway.fleet.typed import catalogue_for
-from gateway.fleet.types import full_type_name
+from gateway.fleet.ros.errors import OfferRefusedError
+from gateway.fleet.ros.graph_registry import GraphRegistry
+from gateway.fleet.ros.offer import JSON, Answer, Dialect, Execute, Offer, OfferedGoal
+from gateway.fleet.ros.typed import catalogue_for
+from gateway.fleet.ros.types import full_type_name
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.idl import names, type_hash
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["OfferDesk"]
+__all__ = ["OfferManager"]
 
 log = logging.getLogger(__name__)
 ENDS: Final = {"succeeded": 4, "canceled": 5, "aborted": 6}
 Ask = tuple[str, int]  # robot, ask
 
 
-class OfferDesk:
+class OfferManager:
     """`service` and `action` for clients; the rest for the link. All on the event loop."""
 
-    def __init__(self, find: FindRobot, send: SendFrame, graphs: GraphBook, *, limits: Limits = LIMITS) -> None:
+    def __init__(self, find: FindRobot, send: SendFrame, graphs: GraphRegistry, *, limits: Limits = LIMITS) -> None:
         self._find = find
         self._send = send
         self._graphs = graphs
@@ -100,7 +100,7 @@ class OfferDesk:
         mine[offer.number] = offer
         offer.stands = asyncio.get_running_loop().create_future()
         try:
-            self._tell(robot_id)
+            self._report(robot_id)
             async with asyncio.timeout(self._limits.command_timeout_s):
                 state = await offer.stands
         except TimeoutError as error:
@@ -121,19 +121,19 @@ class OfferDesk:
         if not mine:
             self._offers.pop(offer.robot, None)
         with contextlib.suppress(RobotOfflineError):
-            self._tell(offer.robot)
+            self._report(offer.robot)
 
-    def _tell(self, robot_id: str) -> None:
-        told = link_pb2.Offers(revision=next(self._revisions), offers=[one.frame() for one in self.of(robot_id)])
-        self._send(robot_id, link_pb2.GatewayFrame(offers=told))
+    def _report(self, robot_id: str) -> None:
+        message = link_pb2.Offers(revision=next(self._revisions), offers=[one.frame() for one in self.of(robot_id)])
+        self._send(robot_id, link_pb2.GatewayFrame(offers=message))
 
     # -- the link ---------------------------------------------------------------------------------------------------
 
     def on_online(self, robot_id: str, *, online: bool) -> None:
-        """The link came: tell the list. Or it went: nobody hears an answer any more."""
+        """The link came: send the list. Or it went: answers cannot be sent any more."""
         if online and robot_id in self._offers:
             with contextlib.suppress(RobotOfflineError):
-                self._tell(robot_id)
+                self._report(robot_id)
         if not online:
             for offer in self.of(robot_id):
                 if offer.stands is not None and not offer.stands.done():
@@ -142,9 +142,9 @@ class OfferDesk:
                 if ask[0] == robot_id:
                     task.cancel()
 
-    def on_states(self, robot_id: str, told: link_pb2.OfferStates) -> None:
+    def on_states(self, robot_id: str, message: link_pb2.OfferStates) -> None:
         """How the robot stands to what it was told."""
-        for state in told.states:
+        for state in message.states:
             offer = self._offers.get(robot_id, {}).get(state.number)
             if offer is None:
                 continue

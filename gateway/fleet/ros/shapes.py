@@ -1,4 +1,4 @@
-"""What a type is made of, as JSON: what a form for its messages, or a program that builds them, needs to know."""
+"""The structure of a type as JSON, for forms and programs that build its messages."""
 
 from __future__ import annotations
 

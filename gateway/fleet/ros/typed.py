@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.errors import InvalidRequestError
-from gateway.fleet.graph import RobotGraph
+from gateway.fleet.ros.graph import RobotGraph
 from metaros.cdr import codec
 from metaros.cdr.layout import check_size, least_bytes
 from metaros.errors import TypeHashError, UnknownTypeError

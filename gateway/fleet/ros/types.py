@@ -6,7 +6,7 @@ from typing import Any
 
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError
-from gateway.fleet.shapes import shape_of
+from gateway.fleet.ros.shapes import shape_of
 from metaros.cdr import codec
 from metaros.cdr.layout import check_size, least_bytes
 from metaros.errors import TypeHashError
@@ -14,7 +14,7 @@ from metaros.idl import Catalogue, add_schema_text, default_catalogue, message_c
 from metaros.idl.json import from_json, to_json
 from metaros.limits import LIMITS
 
-__all__ = ["TypeBook", "full_type_name"]
+__all__ = ["TypeRegistry", "full_type_name"]
 
 MAX_CATALOGUES = 256
 
@@ -29,7 +29,7 @@ def full_type_name(name: str, kind: str) -> str:
     raise InvalidRequestError(f"type {name[:80]!r} is not of the form package/{kind}/Name")
 
 
-class TypeBook:
+class TypeRegistry:
     """Encodes and decodes by type name; keeps one catalogue per announced schema, a bounded number of them."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What this gateway knows of twins without asking: desired and reported states, templates."""
+"""In-memory cache of twins: desired and reported states, templates."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.twin import Desired, Reported, Template
+from gateway.domain.fleet.twin import Desired, Reported, Template
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.templates import read_templates
-from gateway.store.twins import changed_twins, newest_change, read_reports, write_reports
+from gateway.store.fleet.templates import read_templates
+from gateway.store.fleet.twins import changed_twins, newest_change, read_reports, write_reports
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 
-__all__ = ["TwinBook", "reported_values"]
+__all__ = ["TwinCache", "reported_values"]
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ Listener = Callable[[str, dict[str, Any]], None]
 Watcher = Callable[[Reported | None, Reported], None]  # what a robot reported before (None: nothing), and now
 
 
-class TwinBook:
+class TwinCache:
     """All methods on the event loop."""
 
     def __init__(self, store: Store) -> None:
@@ -154,7 +154,7 @@ class TwinBook:
                     del self._unsaved[robot]
                     self._unsaved_bytes -= len(item.reported)
 
-    def heard(self, robots: Iterable[str] | None = None) -> Mapping[str, int]:
+    def seen_revisions(self, robots: Iterable[str] | None = None) -> Mapping[str, int]:
         """The newest revision that robots have told they have seen."""
         if robots is None:
             return {robot: item.revision for robot, item in self.reported.items()}

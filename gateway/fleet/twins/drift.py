@@ -1,4 +1,4 @@
-"""Drift: a robot whose nodes were as its twin wants them, and are so no more. Told as it begins and as it ends."""
+"""Drift detection: a robot's nodes no longer match its twin. Reported as it begins and as it ends."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from functools import lru_cache
 from itertools import islice
 from typing import Any, Final
 
-from gateway.domain.node import Difference, TwinStanding, node_state
-from gateway.domain.twin import Reported
-from gateway.fleet.twin_book import TwinBook, reported_values
-from metaros.twin import TwinError, parse
-from metaros.twin.document import NodeWanted
-from metaros.twin.tables import MAX_NODES
+from gateway.domain.fleet.node import Difference, TwinStanding, node_state
+from gateway.domain.fleet.twin import Reported
+from gateway.fleet.twins.cache import TwinCache, reported_values
+from metaros.fleet.twin import TwinError, parse
+from metaros.fleet.twin.document import NodeSpec
+from metaros.fleet.twin.tables import MAX_NODES
 
 __all__ = ["Drift", "Emit"]
 
@@ -23,20 +23,20 @@ DOCUMENTS: Final = 64  # read ones that are kept; a fleet has few different ones
 
 
 class Drift:
-    """Watches reports (`TwinBook.watch`); on the event loop.
+    """Watches reports (`TwinCache.watch`); on the event loop.
 
     Only reports of one revision that is desired and applied are held against each other: what a change brings about is
     no drift. A node that was never as desired has not drifted either; its own events tell of it.
     """
 
-    def __init__(self, book: TwinBook, emit: Emit, *, holder_of: Holder) -> None:
-        self._book = book
+    def __init__(self, cache: TwinCache, emit: Emit, *, holder_of: Holder) -> None:
+        self._cache = cache
         self._emit = emit
         self._holder_of = holder_of
 
     def on_report(self, before: Reported | None, after: Reported) -> None:
         """A robot reported what it is, and what it reported before."""
-        desired = self._book.desired.get(after.robot)
+        desired = self._cache.desired.get(after.robot)
         if desired is None or before is None or before.reported == after.reported:
             return
         if not before.reported or not all(_settled(item, desired.revision) for item in (before, after)):
@@ -57,7 +57,7 @@ class Drift:
         elif was and not now:
             self._emit("twin.in_step", after.robot, {"revision": after.revision})
 
-    def _differing(self, item: Reported, wanted: Mapping[str, NodeWanted]) -> dict[str, Difference] | None:
+    def _differing(self, item: Reported, wanted: Mapping[str, NodeSpec]) -> dict[str, Difference] | None:
         """The first thing of each node that is not as desired; None where the robot left its nodes out."""
         found = reported_values(item).get("nodes")
         if not isinstance(found, dict):
@@ -87,7 +87,7 @@ def _settled(item: Reported, revision: int) -> bool:
 
 
 @lru_cache(maxsize=DOCUMENTS)
-def _nodes(document: bytes) -> Mapping[str, NodeWanted] | None:
+def _nodes(document: bytes) -> Mapping[str, NodeSpec] | None:
     """The nodes that a document wants; None where it says nothing of nodes, or an older gateway stored it."""
     try:
         return parse(document).nodes

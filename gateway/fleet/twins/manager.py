@@ -1,4 +1,4 @@
-"""Twins as people meet them: look, edit one robot or many, try it first, go back. Checked before anything is stored."""
+"""Twins for clients: read, edit one robot or many, dry-run, revert. Checked before anything is stored."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from gateway.domain.errors import TwinChangedError, UnknownRevisionError
-from gateway.domain.selector import Selector, check_labels
-from gateway.domain.twin import Desired, Reported, TwinEntry
+from gateway.domain.fleet.selector import Selector, check_labels
+from gateway.domain.fleet.twin import Desired, Reported, TwinEntry
 from gateway.errors import ForbiddenError, UnknownRobotError
-from gateway.fleet.twin_book import TwinBook, reported_values
-from gateway.fleet.twin_courier import TwinCourier
-from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, labels_of, refusal
+from gateway.fleet.twins.cache import TwinCache, reported_values
+from gateway.fleet.twins.plan import Author, Edit, Outcome, Plan, labels_of, refusal
+from gateway.fleet.twins.sender import TwinSender
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.twins import next_change, read_history, read_labels, read_reports, read_twins, write_twins
+from gateway.store.fleet.twins import next_change, read_history, read_labels, read_reports, read_twins, write_twins
 from metaros.clock import Clock
-from metaros.twin import Change, diff, digest, read
+from metaros.fleet.twin import Change, diff, digest, read
 
-__all__ = ["Editor", "TwinDesk", "TwinState"]
+__all__ = ["Editor", "TwinManager", "TwinState"]
 
 Result = TypeVar("Result")
 
@@ -59,27 +59,27 @@ class TwinState:
         return diff(read(self.living), read(self.desired.document))
 
 
-class TwinDesk:
+class TwinManager:
     """All methods on the event loop."""
 
-    def __init__(self, store: Store, book: TwinBook, courier: TwinCourier, *, clock: Clock) -> None:
+    def __init__(self, store: Store, cache: TwinCache, sender: TwinSender, *, clock: Clock) -> None:
         self._store = store
-        self._book = book
-        self._courier = courier
+        self._cache = cache
+        self._sender = sender
         self._clock = clock
 
     def reported_of(self, robot: str) -> dict[str, Any] | None:
         """The values that the robot reported last; None where it never did, or this gateway does not hold them."""
-        item = self._book.last(robot)
+        item = self._cache.last(robot)
         return reported_values(item) if item is not None and item.reported else None
 
     def desired_of(self, robot: str) -> Desired | None:
         """The robot's desired state as this gateway knows it."""
-        return self._book.desired.get(robot)
+        return self._cache.desired.get(robot)
 
     def listen(self, listener: Callable[[str, dict[str, Any]], None]) -> None:
         """Call this with a robot and its `reported` values whenever they come."""
-        self._book.listen(listener)
+        self._cache.listen(listener)
 
     async def states(
         self, selector: Selector, sees: Callable[[str], bool], *, values_bytes: int = 0
@@ -209,10 +209,10 @@ class TwinDesk:
             reason=editor.reason,
             confirm_within_s=editor.confirm_within_s,
         )
-        heard = self._book.heard(robots)
+        cached = self._cache.seen_revisions(robots)
 
         def planned(engine: StoreEngine, change: int) -> list[Outcome]:
-            plan = Plan(engine, robots, heard)
+            plan = Plan(engine, robots, cached)
             outcomes = plan.outcomes(check(plan), edit, author, change=change)
             if (error := refusal(outcomes, strict=strict)) is not None:
                 raise error
@@ -232,18 +232,18 @@ class TwinDesk:
         if dry_run:
             return await self._of_known(trial)
         outcomes = await self._store.run(job)
-        self._courier.tell(self._book.learn(item.after for item in outcomes))
-        self._courier.edited()
+        self._sender.send(self._cache.learn(item.after for item in outcomes))
+        self._sender.edited()
         return outcomes
 
     def _state(
         self, robot: str, desired: Desired | None, stored: Reported | None, labels: Mapping[str, str]
     ) -> TwinState:
         """With the newer of what the store and this gateway have heard of it."""
-        heard = self._book.last(robot)
-        if heard is not None and not heard.reported:
-            heard = replace(heard, reported=stored.reported if stored is not None else b"")
-        newest = max((item for item in (stored, heard) if item is not None), key=lambda item: item.at_ns, default=None)
+        cached = self._cache.last(robot)
+        if cached is not None and not cached.reported:
+            cached = replace(cached, reported=stored.reported if stored is not None else b"")
+        newest = max((item for item in (stored, cached) if item is not None), key=lambda item: item.at_ns, default=None)
         return TwinState(desired=desired or Desired(robot=robot, sha256=digest(b"{}")), reported=newest, labels=labels)
 
 

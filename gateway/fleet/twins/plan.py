@@ -1,4 +1,4 @@
-"""What a change would make of robots' desired states: computed inside a transaction, checked whole, then stored or not.
+"""Plans changes of robots' desired states: computed inside a transaction, checked as a whole, then stored or not.
 
 Robots that share templates and an own document share the work: a document is merged and checked once.
 """
@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.domain.errors import SelectorError
-from gateway.domain.selector import MAX_LABELS
-from gateway.domain.twin import CONFIRM_S, Desired, Template, changes_code, effective, made_of
+from gateway.domain.fleet.selector import MAX_LABELS
+from gateway.domain.fleet.twin import CONFIRM_S, Desired, Template, changes_code, effective, made_of
 from gateway.errors import UnknownRobotError
 from gateway.store.engine import StoreEngine
-from gateway.store.templates import read_templates
-from gateway.store.twins import read_labels, read_twins
-from metaros.twin import Change, TwinError, canonical, diff, digest, merge, parse, parse_part, read
+from gateway.store.fleet.templates import read_templates
+from gateway.store.fleet.twins import read_labels, read_twins
+from metaros.fleet.twin import Change, TwinError, canonical, diff, digest, merge, parse, parse_part, read
 
 __all__ = ["Author", "Edit", "Outcome", "Plan", "labels_of", "refusal"]
 
@@ -89,9 +89,9 @@ def labels_of(said: Mapping[str, str], desired: Desired | None) -> dict[str, str
 class Plan:
     """The state of things in one transaction, and what edits make of it."""
 
-    def __init__(self, engine: StoreEngine, robots: Collection[str] | None, heard: Mapping[str, int]) -> None:
-        """Read what there is of some robots, or of every one. `heard`: the newest revision that a robot has seen."""
-        self._heard = heard
+    def __init__(self, engine: StoreEngine, robots: Collection[str] | None, seen_revisions: Mapping[str, int]) -> None:
+        """Read the twins of some robots, or of every one. `seen_revisions`: the newest revision a robot has seen."""
+        self._seen_revisions = seen_revisions
         self.said = read_labels(engine, robots)
         self.twins = read_twins(engine, robots)
         self.templates = read_templates(engine)
@@ -132,7 +132,7 @@ class Plan:
         problem = str(error)[:1000] if error is not None else ""
         revision = before.revision
         if document != before.document or edit.again or edit.above >= revision:
-            revision = min(max(revision, edit.above, self._heard.get(robot, 0)) + 1, MAX_REVISION)
+            revision = min(max(revision, edit.above, self._seen_revisions.get(robot, 0)) + 1, MAX_REVISION)
         after = replace(
             before,
             revision=revision,

@@ -1,4 +1,4 @@
-"""Desired states on their way to robots, and what robots answer.
+"""Sends desired states to robots, and takes their reports.
 
 A robot is told once a session, and after each change; it hears nothing before it has reported, as an older agent does
 not know these frames. Sending is spread over time: a change of the whole fleet goes out at `PER_S` robots a second.
@@ -11,19 +11,19 @@ import contextlib
 import logging
 from collections.abc import Callable, Mapping
 
-from gateway.domain.twin import Desired, Reported, made_of
+from gateway.domain.fleet.twin import Desired, Reported, made_of
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.robots import SendFrame
-from gateway.fleet.twin_book import TwinBook
-from gateway.fleet.twin_plan import MAX_REVISION, Author, Edit, Plan, labels_of
+from gateway.fleet.twins.cache import TwinCache
+from gateway.fleet.twins.plan import MAX_REVISION, Author, Edit, Plan, labels_of
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.twins import collect_documents, next_change, write_twins
+from gateway.store.fleet.twins import collect_documents, next_change, write_twins
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["TwinCourier"]
+__all__ = ["TwinSender"]
 
 log = logging.getLogger(__name__)
 
@@ -34,13 +34,13 @@ COLLECT_EVERY_S = 3600.0
 SETTLED_AT_ONCE = 1000
 
 
-class TwinCourier:
+class TwinSender:
     """Robots of this gateway and their twins; all methods on the event loop."""
 
     def __init__(
         self,
         store: Store,
-        book: TwinBook,
+        cache: TwinCache,
         send: SendFrame,
         labels: Callable[[str], Mapping[str, str]],
         *,
@@ -48,12 +48,12 @@ class TwinCourier:
     ) -> None:
         """`labels`: what a robot said of itself in its Hello."""
         self._store = store
-        self._book = book
+        self._cache = cache
         self._send = send
         self._labels = labels
         self._clock = clock
         self._here: set[str] = set()  # that have reported in this session
-        self._told: dict[str, int] = {}
+        self._reported: dict[str, int] = {}
         self._due: dict[str, None] = {}
         self._unsettled: dict[str, None] = {}
         self._stirred = asyncio.Event()
@@ -66,48 +66,48 @@ class TwinCourier:
 
         The first report may come before the link is whole, on its control lane: it is answered now.
         """
-        self._told.pop(robot, None)
+        self._reported.pop(robot, None)
         self._due.pop(robot, None)
         if not online:
             self._here.discard(robot)
         elif robot in self._here:
-            self._confirm(self._book.reported[robot])
-            self.tell([robot])
+            self._confirm(self._cache.reported[robot])
+            self.send([robot])
 
     def on_report(self, robot: str, frame: link_pb2.TwinReport) -> None:
         """A robot says what it is; `confirming` over this living link is what it waits for."""
         if max(frame.revision, frame.applied) > MAX_REVISION:
             log.warning("robot %s reports a revision that nobody ever gave: %d", robot, frame.revision)
             return
-        item = self._book.report(robot, frame, wall_ns=self._clock.wall_ns())
+        item = self._cache.report(robot, frame, wall_ns=self._clock.wall_ns())
         self._here.add(robot)
         self._confirm(item)
-        desired = self._book.desired.get(robot)
+        desired = self._cache.desired.get(robot)
         if self._unlike(robot, desired) or (desired is not None and _ahead(item, desired)):
             self._unsettled[robot] = None
             self._stirred.set()
-        self.tell([robot])
+        self.send([robot])
 
     def _confirm(self, item: Reported) -> None:
         if item.state == "confirming":
             self._put(item.robot, link_pb2.GatewayFrame(twin_confirmed=link_pb2.TwinConfirmed(revision=item.revision)))
 
-    def tell(self, robots: list[str]) -> None:
-        """These robots' desired states may be news to them."""
+    def send(self, robots: list[str]) -> None:
+        """Send these robots their desired states, unless they have them."""
         for robot in robots:
-            desired, item = self._book.desired.get(robot), self._book.reported.get(robot)
+            desired, item = self._cache.desired.get(robot), self._cache.reported.get(robot)
             if robot not in self._here or desired is None or item is None or not desired.revision:
                 continue
-            if item.revision < desired.revision and self._told.get(robot, 0) < desired.revision:
+            if item.revision < desired.revision and self._reported.get(robot, 0) < desired.revision:
                 self._due[robot] = None
                 self._stirred.set()
 
     async def refresh(self) -> None:
-        """Learn what was stored, here or at other gateways, and tell robots. StoreError when it cannot be read."""
-        known = self._book.templates_change
-        self.tell(await self._book.refresh())
-        if self._book.templates_change != known:  # a robot that nobody knew as they changed is named by them, too
-            unlike = [robot for robot in self._here if self._unlike(robot, self._book.desired.get(robot))]
+        """Read what was stored, here or at other gateways, and send it to robots. StoreError when it cannot be read."""
+        known = self._cache.templates_change
+        self.send(await self._cache.refresh())
+        if self._cache.templates_change != known:  # a robot that nobody knew as they changed is named by them, too
+            unlike = [robot for robot in self._here if self._unlike(robot, self._cache.desired.get(robot))]
             self._unsettled.update(dict.fromkeys(unlike))
             self._stirred.set()
 
@@ -139,7 +139,7 @@ class TwinCourier:
 
     def _deliver_one(self, robot: str) -> None:
         self._due.pop(robot, None)
-        desired = self._book.desired[robot]
+        desired = self._cache.desired[robot]
         frame = link_pb2.TwinDesired(
             revision=desired.revision,
             sha256=desired.sha256,
@@ -147,7 +147,7 @@ class TwinCourier:
             confirm_within_ms=round(desired.confirm_within_s * 1000),
         )
         if self._put(robot, link_pb2.GatewayFrame(twin=frame)):
-            self._told[robot] = desired.revision
+            self._reported[robot] = desired.revision
 
     def _put(self, robot: str, frame: link_pb2.GatewayFrame) -> bool:
         with contextlib.suppress(RobotOfflineError):
@@ -163,7 +163,7 @@ class TwinCourier:
             try:
                 if self._store.shared:
                     await self.refresh()
-                await self._book.save()
+                await self._cache.save()
                 if self._unsettled:
                     self._stirred.set()
                 if self._clock.monotonic_s() - collected_s >= COLLECT_EVERY_S:
@@ -178,17 +178,17 @@ class TwinCourier:
     async def _settle(self) -> None:
         """Robots whose templates are others than before, or who know a newer revision than the store does."""
         robots = list(self._unsettled)[:SETTLED_AT_ONCE]
-        heard = {robot: self._book.reported[robot] for robot in robots}
+        cached = {robot: self._cache.reported[robot] for robot in robots}
         author = Author(name="gateway", at_ns=self._clock.wall_ns(), reason="labels, templates or the store changed")
 
         def job(engine: StoreEngine) -> tuple[list[str], list[Desired]]:
             change = next_change(engine)
-            plan = Plan(engine, robots, self._book.heard(robots))
+            plan = Plan(engine, robots, self._cache.seen_revisions(robots))
             known = [robot for robot in robots if robot in plan.said]
 
             def edit(robot: str) -> Edit:
                 before = plan.require(robot)
-                return Edit(above=heard[robot].revision) if _ahead(heard[robot], before) else Edit()
+                return Edit(above=cached[robot].revision) if _ahead(cached[robot], before) else Edit()
 
             after = [item.after for item in plan.outcomes(known, edit, author, change=change) if item.changed]
             write_twins(engine, after)
@@ -201,14 +201,14 @@ class TwinCourier:
         for robot in robots:  # one that the store does not know yet waits for the next look
             if robot in known or robot not in self._here:
                 self._unsettled.pop(robot, None)
-        self.tell(self._book.learn(found))
+        self.send(self._cache.learn(found))
         if len(robots) == SETTLED_AT_ONCE:
             self._stirred.set()
 
     def _unlike(self, robot: str, desired: Desired | None) -> bool:
         """Whether other templates name the robot than those its desired state was made of."""
         labels = labels_of(self._labels(robot), desired)
-        marks = tuple(item.mark for item in made_of(self._book.templates.values(), robot, labels))
+        marks = tuple(item.mark for item in made_of(self._cache.templates.values(), robot, labels))
         return marks != (desired.templates if desired is not None else ())
 
 

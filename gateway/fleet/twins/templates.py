@@ -7,32 +7,32 @@ from dataclasses import replace
 from typing import Any
 
 from gateway.domain.errors import TwinChangedError, UnknownRevisionError, UnknownTemplateError
-from gateway.domain.selector import Selector
-from gateway.domain.twin import Template, TemplateEntry, is_template_name
+from gateway.domain.fleet.selector import Selector
+from gateway.domain.fleet.twin import Template, TemplateEntry, is_template_name
 from gateway.errors import InvalidRequestError
-from gateway.fleet.twin_book import TwinBook
-from gateway.fleet.twin_courier import TwinCourier
-from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, refusal
-from gateway.fleet.twins import Editor, require_no_code
+from gateway.fleet.twins.cache import TwinCache
+from gateway.fleet.twins.manager import Editor, require_no_code
+from gateway.fleet.twins.plan import Author, Edit, Outcome, Plan, refusal
+from gateway.fleet.twins.sender import TwinSender
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.templates import read_template_history, read_templates, remove_template, write_template
-from gateway.store.twins import next_change, write_twins
+from gateway.store.fleet.templates import read_template_history, read_templates, remove_template, write_template
+from gateway.store.fleet.twins import next_change, write_twins
 from metaros.clock import Clock
-from metaros.twin import parse_part
+from metaros.fleet.twin import parse_part
 
-__all__ = ["MAX_PRIORITY", "TemplateDesk"]
+__all__ = ["MAX_PRIORITY", "TemplateManager"]
 
 MAX_PRIORITY = 1000
 
 
-class TemplateDesk:
+class TemplateManager:
     """All methods on the event loop."""
 
-    def __init__(self, store: Store, book: TwinBook, courier: TwinCourier, *, clock: Clock) -> None:
+    def __init__(self, store: Store, cache: TwinCache, sender: TwinSender, *, clock: Clock) -> None:
         self._store = store
-        self._book = book
-        self._courier = courier
+        self._cache = cache
+        self._sender = sender
         self._clock = clock
 
     async def all(self) -> Sequence[Template]:
@@ -156,10 +156,10 @@ class TemplateDesk:
         author = Author(
             name=editor.name, at_ns=self._clock.wall_ns(), reason=reason, confirm_within_s=editor.confirm_within_s
         )
-        heard = self._book.heard()
+        seen_revisions = self._cache.seen_revisions()
 
         def planned(engine: StoreEngine, number: int) -> tuple[Template, list[Outcome]]:
-            plan = Plan(engine, None, heard)
+            plan = Plan(engine, None, seen_revisions)
             item = change(plan, number)
             outcomes = [one for one in plan.outcomes(sorted(plan.said), Edit(), author, change=number) if one.changed]
             if (error := refusal(outcomes)) is not None:
@@ -186,8 +186,8 @@ class TemplateDesk:
         if dry_run:
             return await self._store.read(trial)
         item, outcomes = await self._store.run(job)
-        await self._courier.refresh()
-        self._courier.edited()
+        await self._sender.refresh()
+        self._sender.edited()
         return item, outcomes
 
 

@@ -1,4 +1,4 @@
-"""What can be wrong about update files; each with its code in the gateway's table.
+"""Errors of update files, each with its code in the gateway's table.
 
 RequestError
 ├── UpdateRefusedError      signed metadata does not count: threshold, version, expiry   update_refused

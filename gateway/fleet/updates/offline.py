@@ -31,8 +31,8 @@ from cryptography.hazmat.primitives.serialization import (
 from securesystemslib.signer import CryptoSigner
 from tuf.api.metadata import DelegatedRole, Delegations, Metadata, Root, TargetFile, Targets
 
-from gateway.updates.errors import UpdateRefusedError
-from gateway.updates.roles import (
+from gateway.fleet.updates.errors import UpdateRefusedError
+from gateway.fleet.updates.roles import (
     GROUP_PREFIX,
     GROUPS,
     ONLINE,
@@ -44,8 +44,8 @@ from gateway.updates.roles import (
     read_metadata,
     verify_root,
 )
-from metaros.bundle import read_bundle, target_path
 from metaros.errors import ConfigError
+from metaros.fleet.bundle import read_bundle, target_path
 
 __all__ = ["Passphrase", "Release", "add", "init_root", "release", "remove", "rotate_root", "sign_role", "sign_root"]
 

@@ -1,7 +1,7 @@
-"""What signed documents may follow which, and what the gateway signs after them; inside a transaction of the caller's.
+"""Publishes signed TUF documents: checks their order and signatures, then signs snapshot and timestamp.
 
 Nothing is taken in part: documents that do not fit together change nothing. A gateway needs no secret of people's for
-any of this, and can publish nothing that they did not sign.
+any of this, and can publish nothing that they did not sign. Functions run inside a transaction of the caller's.
 """
 
 from __future__ import annotations
@@ -13,20 +13,8 @@ from datetime import UTC
 from typing import TYPE_CHECKING, Any
 
 from gateway.errors import DamagedError
-from gateway.store.engine import StoreEngine
-from gateway.store.updates import (
-    StoredDocument,
-    add_document,
-    bundle_at,
-    list_keys,
-    lock_updates,
-    newest_documents,
-    next_version,
-    read_document,
-    trim_documents,
-)
-from gateway.updates.errors import NoRootError, UpdateRefusedError
-from gateway.updates.roles import (
+from gateway.fleet.updates.errors import NoRootError, UpdateRefusedError
+from gateway.fleet.updates.roles import (
     GROUP_PREFIX,
     GROUPS,
     ONLINE,
@@ -44,15 +32,27 @@ from gateway.updates.roles import (
     verify_root,
     verify_signed,
 )
-from metaros.bundle import target_path
+from gateway.store.engine import StoreEngine
+from gateway.store.fleet.updates import (
+    StoredDocument,
+    add_document,
+    bundle_at,
+    list_keys,
+    lock_updates,
+    newest_documents,
+    next_version,
+    read_document,
+    trim_documents,
+)
 from metaros.errors import MetarosError
-from metaros.later import Later
+from metaros.fleet.bundle import target_path
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     from securesystemslib.signer import CryptoSigner
     from tuf.api import metadata as tuf
 else:
-    tuf = Later("tuf.api.metadata")
+    tuf = LazyModule("tuf.api.metadata")
 
 __all__ = ["PURPOSE", "Upload", "due", "publish", "renew"]
 

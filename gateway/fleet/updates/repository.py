@@ -18,10 +18,13 @@ from typing import Any, TypeVar
 import orjson
 
 from gateway.errors import StoreError, TooManyError
-from gateway.objects import ObjectStore, chunks
+from gateway.fleet.updates.errors import UnknownUpdateError, UpdateRefusedError, WithdrawnError
+from gateway.fleet.updates.publish import PURPOSE, Upload, publish, renew
+from gateway.fleet.updates.roles import ONLINE, Seal, new_signer
+from gateway.fleet.updates.uploads import BundleUploads
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import (
+from gateway.store.fleet.updates import (
     StoredBundle,
     StoredDocument,
     StoredKey,
@@ -35,15 +38,12 @@ from gateway.store.updates import (
     take_duty,
     withdraw_bundle,
 )
-from gateway.updates.errors import UnknownUpdateError, UpdateRefusedError, WithdrawnError
-from gateway.updates.publish import PURPOSE, Upload, publish, renew
-from gateway.updates.roles import ONLINE, Seal, new_signer
-from gateway.updates.uploads import BundleShelf
+from gateway.store.objects import ObjectStore, chunks
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Fetch", "Repository"]
+__all__ = ["BundleDownload", "Repository"]
 
 log = logging.getLogger(__name__)
 
@@ -56,14 +56,14 @@ _FILE = re.compile(r"(?:(\d{1,10})\.)?(root|targets|snapshot|timestamp|robots(?:
 _TARGET = re.compile(r"((?:[A-Za-z0-9_.-]+/){1,4})([0-9a-f]{64})\.([0-9.]{1,40}\.zip)")
 
 
-class Fetch:
+class BundleDownload:
     """A bundle on its way to a robot; take `pieces()` once, and `close()` it whatever happens."""
 
-    def __init__(self, desk: Repository, content: Iterator[bytes], *, robot: str) -> None:
-        self._desk: Repository | None = desk
+    def __init__(self, repository: Repository, content: Iterator[bytes], *, robot: str) -> None:
+        self._repository: Repository | None = repository
         self._robot = robot
         self._content = content
-        self._pool = desk.pool
+        self._pool = repository.pool
 
     async def pieces(self) -> AsyncIterator[bytes]:
         """Its bytes; one piece is in memory at a time."""
@@ -73,9 +73,9 @@ class Fetch:
 
     def close(self) -> None:
         """Give its place to another."""
-        desk, self._desk = self._desk, None
-        if desk is not None:
-            desk.fetched(self._robot)
+        repository, self._repository = self._repository, None
+        if repository is not None:
+            repository.fetched(self._robot)
 
 
 class Repository:
@@ -97,7 +97,7 @@ class Repository:
         self._seal = seal
         self._clock = clock
         self._limits = limits
-        self.shelf = BundleShelf(store, objects, folder, clock=clock, limits=limits)
+        self.uploads = BundleUploads(store, objects, folder, clock=clock, limits=limits)
         self.pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="update-fetch")
         self._fetching: Counter[str] = Counter()  # by robot
         self.trouble = ""
@@ -204,7 +204,9 @@ class Repository:
             raise WithdrawnError(f"{path} was withdrawn{f': {found.reason}' if found.reason else ''}")
         return found
 
-    def fetch(self, bundle: StoredBundle, *, start: int = 0, size_bytes: int | None = None, robot: str = "") -> Fetch:
+    def fetch(
+        self, bundle: StoredBundle, *, start: int = 0, size_bytes: int | None = None, robot: str = ""
+    ) -> BundleDownload:
         """A range of a bundle for a robot; TooManyError while too many are fetched, by all or by this one."""
         if self._fetching.total() >= self._limits.bundle_downloads:
             raise TooManyError(f"{self._limits.bundle_downloads} bundles are being fetched: try again")
@@ -212,7 +214,7 @@ class Repository:
             raise TooManyError(f"{self._limits.robot_downloads} bundles are being fetched by {robot}: try again")
         self._fetching[robot] += 1
         content = chunks(self._objects, bundle.object, start=start, size_bytes=size_bytes, piece_bytes=PIECE_BYTES)
-        return Fetch(self, content, robot=robot)
+        return BundleDownload(self, content, robot=robot)
 
     def fetched(self, robot: str) -> None:
         """One of its downloads is over."""
@@ -238,9 +240,9 @@ class Repository:
                 await self.renew()
                 self.trouble = ""
             except UpdateRefusedError as error:  # another gateway may hold the keys: this one lets it have the turn
-                self._tell(str(error))
+                self._report(str(error))
             except (StoreError, MetarosError) as error:
-                self._tell(str(error))
+                self._report(str(error))
             await asyncio.sleep(LOOK_S)
 
     async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
@@ -250,7 +252,7 @@ class Repository:
 
         return await self._store.read(within)
 
-    def _tell(self, text: str) -> None:
+    def _report(self, text: str) -> None:
         if text != self.trouble:
             log.warning("update metadata cannot be signed again now: %s", text)
         self.trouble = text

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gateway.updates.errors import UpdateRefusedError
-from metaros.bundle import check_group
-from metaros.later import Later
+from gateway.fleet.updates.errors import UpdateRefusedError
+from metaros.fleet.bundle import check_group
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     from securesystemslib import signer as signing
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from tuf.api import metadata as tuf
     from tuf.api.serialization import json as serialization
 else:  # with AWS's library in it; most gateways sign nothing
-    signing, exceptions = Later("securesystemslib.signer"), Later("tuf.api.exceptions")
-    tuf, serialization = Later("tuf.api.metadata"), Later("tuf.api.serialization.json")
+    signing, exceptions = LazyModule("securesystemslib.signer"), LazyModule("tuf.api.exceptions")
+    tuf, serialization = LazyModule("tuf.api.metadata"), LazyModule("tuf.api.serialization.json")
 
 __all__ = [
     "GROUPS",

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from gateway.domain.principal import Principal
 from gateway.domain.robot import is_robot_id
 from gateway.store import Store
-from gateway.store.updates import fetch_secret
+from gateway.store.fleet.updates import fetch_secret
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
@@ -27,7 +27,7 @@ _CONTEXT = b"metaros update fetch 2|"
 
 
 class FetchTokens:
-    """Makes tokens, and is the door that knows them."""
+    """Makes tokens, and authenticates them."""
 
     def __init__(self, store: Store, *, clock: Clock, enrolled_ns: Callable[[str], int | None]) -> None:
         """`enrolled_ns`: since when a robot has its identity; 0: it never had one, None: it was revoked."""

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.errors import BodyTooLargeError, TooManyError
-from gateway.objects import ObjectStore
+from gateway.fleet.updates.errors import UpdateRefusedError
 from gateway.store import Store, ledger
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import StoredBundle, add_bundle, bundle_at, list_bundles
-from gateway.updates.errors import UpdateRefusedError
-from metaros.bundle import Manifest, read_bundle, target_path
+from gateway.store.fleet.updates import StoredBundle, add_bundle, bundle_at, list_bundles
+from gateway.store.objects import ObjectStore
 from metaros.clock import Clock
+from metaros.fleet.bundle import Manifest, read_bundle, target_path
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["BundleShelf"]
+__all__ = ["BundleUploads"]
 
 KIND = "bundle"
 PIECE_BYTES = 1 << 20
@@ -35,7 +35,7 @@ class _File:
     sha256: str = ""
 
 
-class BundleShelf:
+class BundleUploads:
     """Takes bundles in."""
 
     def __init__(

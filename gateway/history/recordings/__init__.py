@@ -1,1 +1,1 @@
-"""Recordings that robots cut from their black boxes: asked for, pulled over the link, kept."""
+"""Recordings that robots clip from their black boxes: requested, uploaded over the link, stored."""

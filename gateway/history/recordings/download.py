@@ -1,10 +1,10 @@
-"""A stored file on its way to somebody: piece by piece, read on a thread, so many at a time."""
+"""Downloads of stored files: piece by piece, read on a thread, a bounded number at a time."""
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Iterator
 
-from gateway.recordings.transfer import OnThread
+from gateway.history.recordings.transfer import OnThread
 
 __all__ = ["Download"]
 

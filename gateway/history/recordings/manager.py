@@ -1,4 +1,4 @@
-"""Recordings as people and robots meet them: request, look, fetch, delete; and what the link has to tell."""
+"""Manages recordings: request, list, download, delete; and the messages of robots about them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.domain.recording import (
+from gateway.domain.fleet.recording import (
     FAILED,
     REQUESTED,
     STORED,
@@ -21,18 +21,18 @@ from gateway.domain.recording import (
     plain_time,
 )
 from gateway.errors import InvalidRequestError, RecordingNotStoredError, StoreError, TooManyError, UnknownRecordingError
-from gateway.objects import ObjectStore, chunks
-from gateway.recordings.arrivals import Arrivals, TellRobot
-from gateway.recordings.asking import Asking, RunCommand
-from gateway.recordings.download import Download
-from gateway.recordings.incoming import Incoming
-from gateway.recordings.rows import Database, Rows
-from gateway.recordings.shelf import Shelf
+from gateway.history.recordings.download import Download
+from gateway.history.recordings.partial_files import PartialFiles
+from gateway.history.recordings.robot_requests import RobotRequests, RunCommand
+from gateway.history.recordings.rows import Database, Rows
+from gateway.history.recordings.storage import RecordingStorage
+from gateway.history.recordings.uploads import SendToRobot, Uploads
+from gateway.store.objects import ObjectStore, chunks
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["RecordingDesk", "RobotSide"]
+__all__ = ["RecordingManager", "RobotLink"]
 
 log = logging.getLogger(__name__)
 
@@ -43,16 +43,16 @@ MAX_TOPIC_CHARS = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobotSide:
+class RobotLink:
     """What recordings need of the link; `app.py` connects it."""
 
     command: RunCommand
-    tell: TellRobot
+    send: SendToRobot
     online: Callable[[str], bool]
     clock_offset_ns: Callable[[str], int]  # the gateway's wall clock less the robot's, as its agent said last
 
 
-class RecordingDesk:
+class RecordingManager:
     """Everything about recordings; all methods on the event loop."""
 
     def __init__(
@@ -60,7 +60,7 @@ class RecordingDesk:
         database: Database,
         objects: ObjectStore,
         folder: Path,
-        robots: RobotSide,
+        robots: RobotLink,
         *,
         clock: Clock,
         limits: Limits = LIMITS,
@@ -78,13 +78,13 @@ class RecordingDesk:
         # Two pools: an object store that is slow must not hold up what comes from robots.
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-recordings")
         self._slow_pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-files")
-        self._shelf = Shelf(rows, objects, on_thread=self._on_slow_thread, clock=clock)
-        self._asking = Asking(rows, robots.command, online=robots.online, spawn=self._spawn, clock=clock)
-        self._arrivals = Arrivals(
+        self._storage = RecordingStorage(rows, objects, on_thread=self._on_slow_thread, clock=clock)
+        self._requests = RobotRequests(rows, robots.command, online=robots.online, spawn=self._spawn, clock=clock)
+        self._uploads = Uploads(
             rows,
-            self._shelf,
-            Incoming(folder, reserve_bytes=limits.recording_reserve_bytes),
-            tell=robots.tell,
+            self._storage,
+            PartialFiles(folder, reserve_bytes=limits.recording_reserve_bytes),
+            send=robots.send,
             spawn=self._spawn,
             on_thread=self._on_thread,
             clock=clock,
@@ -129,7 +129,7 @@ class RecordingDesk:
         )
         await self._rows.add(recording, unfinished=self._limits.recordings_unfinished)
         last_ns = 0 if last_s is None else round(last_s * 1e9)
-        self._asking.ask(recording, last_ns=last_ns)
+        self._requests.ask(recording, last_ns=last_ns)
         if not self._robots.online(robot_id):
             self.waiting(robot_id, recording.id, last_ns)
         return recording
@@ -140,7 +140,7 @@ class RecordingDesk:
 
     def stop(self, recording_id: str) -> None:
         """Another gateway has deleted a recording: what comes of it here is wanted no more."""
-        self._arrivals.stop(recording_id)
+        self._uploads.stop(recording_id)
 
     def robot_now_ns(self, robot_id: str) -> int:
         """What the robot's clock says now, as far as it is known."""
@@ -176,10 +176,10 @@ class RecordingDesk:
 
     async def delete(self, recording_id: str) -> None:
         """Delete a recording and its file, or give up an unfinished one; UnknownRecordingError when there is none."""
-        removed = await self._shelf.remove(recording_id) if is_recording_id(recording_id) else None
+        removed = await self._storage.remove(recording_id) if is_recording_id(recording_id) else None
         if removed is None:
             raise UnknownRecordingError.of(recording_id)
-        self._arrivals.stop(recording_id)
+        self._uploads.stop(recording_id)
         self.deleted(recording_id)
 
     def on_online(self, robot_id: str, online: bool) -> None:
@@ -187,11 +187,11 @@ class RecordingDesk:
         if online:
             self._spawn(self._ask_all(robot_id))
         else:
-            self._arrivals.robot_left(robot_id)
+            self._uploads.robot_left(robot_id)
 
     def on_part(self, robot_id: str, part: link_pb2.RecordingPart) -> None:
         """An offer or a piece of a recording arrived."""
-        self._arrivals.part(robot_id, part)
+        self._uploads.part(robot_id, part)
 
     async def run(self) -> None:
         """Look again and again at what is unfinished, until cancelled."""
@@ -204,7 +204,7 @@ class RecordingDesk:
 
     async def look(self) -> None:
         """Ask again where nothing came, give up what is too old, and clear away what nobody waits for."""
-        unfinished = await self._arrivals.tidy()
+        unfinished = await self._uploads.tidy()
         before_ns = self._clock.wall_ns() - round(self._limits.recording_age_s * 1e9)
         alive = []
         for recording in unfinished:
@@ -213,12 +213,12 @@ class RecordingDesk:
                 await self._expire(recording)
             else:
                 alive.append(recording)
-        self._asking.again(alive, arriving=self._arrivals.moving())
+        self._requests.again(alive, arriving=self._uploads.moving())
 
     async def close(self) -> None:
         """Stop; what is half here is continued by the next gateway on this data directory."""
         self._closed = True
-        self._shelf.close()
+        self._storage.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -228,11 +228,11 @@ class RecordingDesk:
     async def _ask_one(self, recording_id: str, last_ns: int) -> None:
         recording = await self._rows.get(recording_id) if is_recording_id(recording_id) else None
         if recording is not None and recording.unfinished:
-            self._asking.ask(recording, last_ns=last_ns)
+            self._requests.ask(recording, last_ns=last_ns)
 
     async def _ask_all(self, robot_id: str) -> None:
         for recording in await self._rows.unfinished(robot_id):
-            self._asking.ask(recording)
+            self._requests.ask(recording)
 
     async def _expire(self, recording: Recording) -> None:
         hours = self._limits.recording_age_s / 3600
@@ -241,7 +241,7 @@ class RecordingDesk:
 
     def _shown(self, recording: Recording) -> Recording:
         """With what has come here a moment ago."""
-        received = self._arrivals.received(recording.id) if recording.unfinished else None
+        received = self._uploads.received(recording.id) if recording.unfinished else None
         return recording if received is None else replace(recording, received_bytes=received)
 
     def _downloaded(self) -> None:

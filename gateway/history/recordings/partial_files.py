@@ -1,4 +1,4 @@
-"""Files on their way: what has come of each recording lies in a file of its own until all of it is there.
+"""Partial files: what has been received of each recording, in a file of its own until it is complete.
 
 Everything here blocks and runs on threads. A file carries its recording's id and the beginning of its checksum in its
 name, so that a robot that cut the span again never continues another file.
@@ -13,10 +13,10 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from gateway.domain.recording import is_recording_id
+from gateway.domain.fleet.recording import is_recording_id
 from gateway.errors import StoreError
 
-__all__ = ["Incoming", "PartialFile"]
+__all__ = ["PartialFile", "PartialFiles"]
 
 SUFFIX = ".partial"
 READ_BYTES = 1024 * 1024
@@ -88,7 +88,7 @@ class PartialFile:
             return  # the next append truncates, and the checksum has the last word
 
 
-class Incoming:
+class PartialFiles:
     """The folder of all of them."""
 
     def __init__(self, folder: Path, *, reserve_bytes: int) -> None:

@@ -1,4 +1,4 @@
-"""Asking robots to cut: now, when they come online, and again until the cut is offered or refused for good."""
+"""Requests robots to clip a recording: now, when they come online, and again until it is offered or refused."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import logging
 from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
 from typing import Any, Protocol
 
-from gateway.domain.recording import CUTTING, FAILED, REQUESTED, UNFINISHED, Recording
+from gateway.domain.fleet.recording import CUTTING, FAILED, REQUESTED, UNFINISHED, Recording
 from gateway.errors import CommandRefusedError, CommandTimeoutError, RobotOfflineError, StoreError, TooManyError
-from gateway.recordings.rows import Rows
+from gateway.history.recordings.rows import Rows
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["Asking", "RunCommand", "good_code"]
+__all__ = ["RobotRequests", "RunCommand", "good_code"]
 
 log = logging.getLogger(__name__)
 
@@ -23,14 +23,14 @@ PASSING = frozenset({"busy", "expired", "timeout"})  # refusals after which the 
 
 
 class RunCommand(Protocol):
-    """Sends a command and returns its good result, as the fleet's desk does."""
+    """Sends a command and returns its good result, as the command dispatcher does."""
 
     def __call__(self, robot: str, command: link_pb2.Command, *, timeout_s: float) -> Awaitable[link_pb2.CommandResult]:
         """Raises RobotOfflineError, CommandTimeoutError, CommandRefusedError, TooManyError."""
 
 
-class Asking:
-    """Who has been asked what; lives on the event loop."""
+class RobotRequests:
+    """Tracks which robot was sent which request; lives on the event loop."""
 
     def __init__(
         self,

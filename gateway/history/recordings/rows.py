@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
-from gateway.domain.recording import FAILED, STORED, UNFINISHED, Recording
+from gateway.domain.fleet.recording import FAILED, STORED, UNFINISHED, Recording
 from gateway.errors import StoreError
-from gateway.store import recordings as table
 from gateway.store.engine import StoreEngine
+from gateway.store.fleet import recordings as table
 from metaros.clock import Clock
 
 __all__ = ["Database", "Rows"]

@@ -1,4 +1,4 @@
-"""Recordings at their place: a whole file becomes an object, and the row that names it says `stored`, in one step.
+"""Stores recordings: a complete file becomes an object, and its row is set to `stored`, in one step.
 
 The ledger knows of the object before its first byte leaves, and until a recording refers to it, it is nobody's: a
 gateway that dies in between leaves nothing behind that housekeeping would not find.
@@ -12,17 +12,17 @@ import secrets
 import threading
 from pathlib import Path
 
-from gateway.domain.recording import STORED, Recording
+from gateway.domain.fleet.recording import STORED, Recording
 from gateway.errors import ObjectStoreError
-from gateway.objects import ObjectStore
-from gateway.recordings.rows import Rows
-from gateway.recordings.transfer import OnThread
+from gateway.history.recordings.rows import Rows
+from gateway.history.recordings.transfer import OnThread
 from gateway.store import ledger
 from gateway.store.engine import StoreEngine
-from gateway.store.recordings import change_recording, remove_recording
+from gateway.store.fleet.recordings import change_recording, remove_recording
+from gateway.store.objects import ObjectStore
 from metaros.clock import Clock
 
-__all__ = ["Shelf"]
+__all__ = ["RecordingStorage"]
 
 KIND = "recording"
 
@@ -41,7 +41,7 @@ class _File(io.FileIO):
         return super().read(-1 if size is None else size) or b""
 
 
-class Shelf:
+class RecordingStorage:
     """Puts files into the object store and takes them out."""
 
     def __init__(self, rows: Rows, objects: ObjectStore, *, on_thread: OnThread, clock: Clock) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gateway.errors import StoreError
-from gateway.recordings.incoming import PartialFile
+from gateway.history.recordings.partial_files import PartialFile
 from metaros._proto import link_pb2
 
 __all__ = ["Budget", "Transfer", "TransferHooks"]
@@ -150,7 +150,7 @@ class Transfer:
             if self._offered:
                 self._offered = self._hole = self._turning = False
                 self._drop()
-                self._tell()
+                self._send()
             elif self._parts:
                 await self._write()
             elif self._hole:
@@ -175,7 +175,7 @@ class Transfer:
         finally:
             self._budget.left += held
         if not self._offered and self.offset < self._size_bytes:
-            self._tell()
+            self._send()
         await self._hooks.progress(self.offset, "")
 
     async def _stuck(self, error: StoreError) -> None:
@@ -194,9 +194,9 @@ class Transfer:
         """The robot sends again from what is on the disk."""
         self._drop()
         self._hole, self._turning = False, True
-        self._tell()  # again the offset told last, or a lower one
+        self._send()  # again the offset told last, or a lower one
 
-    def _tell(self) -> None:
+    def _send(self) -> None:
         if not self.paused:
             self._hooks.wanted(self.offset)
 

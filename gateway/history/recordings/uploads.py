@@ -1,4 +1,4 @@
-"""What robots offer and send: each offer checked against what was asked, a few transfers a robot at a time."""
+"""Uploads of recordings from robots: each offer is checked against the request, few transfers a robot at a time."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.domain.recording import FAILED, STORED, TRANSFERRING, Recording, plain_time
+from gateway.domain.fleet.recording import FAILED, STORED, TRANSFERRING, Recording, plain_time
 from gateway.errors import DamagedError, GatewayError, StoreError
-from gateway.recordings.asking import good_code
-from gateway.recordings.incoming import Incoming
-from gateway.recordings.rows import Rows
-from gateway.recordings.shelf import Shelf
-from gateway.recordings.transfer import Budget, OnThread, Transfer, TransferHooks
+from gateway.history.recordings.partial_files import PartialFiles
+from gateway.history.recordings.robot_requests import good_code
+from gateway.history.recordings.rows import Rows
+from gateway.history.recordings.storage import RecordingStorage
+from gateway.history.recordings.transfer import Budget, OnThread, Transfer, TransferHooks
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import Limits
 
-__all__ = ["Arrivals", "TellRobot"]
+__all__ = ["SendToRobot", "Uploads"]
 
 log = logging.getLogger(__name__)
 
@@ -29,11 +29,11 @@ PROGRESS_S = 2.0  # between two updates of a recording's row
 KEEP_RETRY_S = 5.0
 MAX_OFFERS = 64  # of one robot, looked up at a time; more are offered again
 MAX_COUNT = 2**63 - 1
-TellRobot = Callable[[str, link_pb2.RecordingWanted], None]
+SendToRobot = Callable[[str, link_pb2.RecordingWanted], None]
 
 
 @dataclass(slots=True)
-class _Arrival:
+class _Upload:
     """One file on its way."""
 
     recording: Recording
@@ -47,31 +47,31 @@ class _Arrival:
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
 
-class Arrivals:
+class Uploads:
     """All files on their way to this gateway; lives on the event loop."""
 
     def __init__(
         self,
         rows: Rows,
-        shelf: Shelf,
-        incoming: Incoming,
+        storage: RecordingStorage,
+        files: PartialFiles,
         *,
-        tell: TellRobot,
+        send: SendToRobot,
         spawn: Callable[[Coroutine[Any, Any, None]], object],
         on_thread: OnThread,
         clock: Clock,
         limits: Limits,
     ) -> None:
         self._rows = rows
-        self._shelf = shelf
-        self._incoming = incoming
-        self._tell = tell
+        self._storage = storage
+        self._files = files
+        self._send = send
         self._spawn = spawn
         self._on_thread = on_thread
         self._clock = clock
         self._limits = limits
         self._budget = Budget(limits.recordings_queue_bytes)
-        self._here: dict[str, _Arrival] = {}
+        self._here: dict[str, _Upload] = {}
         self._offers: set[tuple[str, str]] = set()  # robot and recording: being looked up
 
     @property
@@ -122,7 +122,7 @@ class Arrivals:
 
         Returns the unfinished recordings.
         """
-        before, files = self.ids, await self._on_thread(self._incoming.ids)
+        before, files = self.ids, await self._on_thread(self._files.ids)
         # Read after those two: what is unknown by now had its end, and does not come back.
         unfinished = await self._rows.unfinished()
         wanted = {recording.id for recording in unfinished}
@@ -131,7 +131,7 @@ class Arrivals:
                 self.stop(recording_id)
         for recording_id in files - wanted - self.ids:
             log.info("recording %s: what had come of it is deleted", recording_id)
-            await self._on_thread(self._incoming.discard, recording_id)
+            await self._on_thread(self._files.discard, recording_id)
         for recording in unfinished:
             if recording.state == TRANSFERRING and recording.sha256 and recording.id not in self.ids:
                 await self._take_up(recording)
@@ -202,10 +202,10 @@ class Arrivals:
             arrival = self._here[asked.id] = self._arrival(found)
             self._next(asked.robot)
 
-    def _arrival(self, recording: Recording) -> _Arrival:
-        partial = self._incoming.file(recording.id, sha256=recording.sha256, size_bytes=recording.size_bytes)
+    def _arrival(self, recording: Recording) -> _Upload:
+        partial = self._files.file(recording.id, sha256=recording.sha256, size_bytes=recording.size_bytes)
         hooks = TransferHooks(
-            wanted=lambda offset: self._tell(
+            wanted=lambda offset: self._send(
                 recording.robot, link_pb2.RecordingWanted(recording_id=recording.id, offset=offset)
             ),
             progress=lambda offset, message: self._progress(recording.id, offset, message),
@@ -219,7 +219,7 @@ class Arrivals:
             budget=self._budget,
             window_bytes=self._limits.recording_window_bytes,
         )
-        return _Arrival(recording, transfer, moved_s=self._clock.monotonic_s())
+        return _Upload(recording, transfer, moved_s=self._clock.monotonic_s())
 
     def _next(self, robot_id: str) -> None:
         """Begin what waits of a robot's, as far as its number at a time allows."""
@@ -229,12 +229,12 @@ class Arrivals:
         for arrival in waiting[: max(0, self._limits.recordings_at_a_time - busy)]:
             self._begin(arrival)
 
-    def _begin(self, arrival: _Arrival) -> None:
+    def _begin(self, arrival: _Upload) -> None:
         self._here[arrival.recording.id] = arrival
         arrival.running = True
         self._spawn(self._carry(arrival))
 
-    async def _carry(self, arrival: _Arrival) -> None:
+    async def _carry(self, arrival: _Upload) -> None:
         """A file from its first byte to its place."""
         recording, transfer = arrival.recording, arrival.transfer
         try:
@@ -252,12 +252,12 @@ class Arrivals:
             self._forget(arrival)
             self._next(recording.robot)
 
-    async def _keep(self, arrival: _Arrival) -> bool:
+    async def _keep(self, arrival: _Upload) -> bool:
         """Store a whole file, however long the object store is away; False when nobody wants it any more."""
         recording, partial = arrival.recording, arrival.transfer.partial
         while True:
             try:
-                return await self._shelf.keep(
+                return await self._storage.keep(
                     recording.id, partial.path, size_bytes=recording.size_bytes, sha256=recording.sha256
                 )
             except DamagedError as error:
@@ -302,12 +302,12 @@ class Arrivals:
             self._unwanted(recording.robot, recording.id)
 
     def _stored(self, recording: Recording) -> None:
-        told = link_pb2.RecordingWanted(recording_id=recording.id, offset=recording.size_bytes, stored=True)
-        self._tell(recording.robot, told)
+        wanted = link_pb2.RecordingWanted(recording_id=recording.id, offset=recording.size_bytes, stored=True)
+        self._send(recording.robot, wanted)
 
     def _unwanted(self, robot_id: str, recording_id: str) -> None:
-        self._tell(robot_id, link_pb2.RecordingWanted(recording_id=recording_id, unwanted=True))
+        self._send(robot_id, link_pb2.RecordingWanted(recording_id=recording_id, unwanted=True))
 
-    def _forget(self, arrival: _Arrival) -> None:
+    def _forget(self, arrival: _Upload) -> None:
         if self._here.get(arrival.recording.id) is arrival:
             del self._here[arrival.recording.id]

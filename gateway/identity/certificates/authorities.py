@@ -14,14 +14,14 @@ from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
 from gateway.errors import AuthorityError, DamagedError
-from gateway.identity.ca import Authority, PrivateKey, key_pem, make_intermediate, make_root, pem, supplied
-from gateway.identity.certificates import issued_by, subject_key
+from gateway.identity.certificates.ca import Authority, PrivateKey, key_pem, make_intermediate, make_root, pem, supplied
+from gateway.identity.certificates.parsing import issued_by, subject_key
+from gateway.identity.certificates.root_key import ROOT_KEY, has_root_key, read_root_key, write_secret
 from gateway.identity.master import MasterKey, key_file
-from gateway.identity.root_key import ROOT_KEY, has_root_key, read_root_key, write_secret
 from gateway.store import Store
+from gateway.store.accounts.identities import StoredAuthority, add_authority, list_authorities
+from gateway.store.accounts.issuers import renew_before
 from gateway.store.engine import StoreEngine
-from gateway.store.identities import StoredAuthority, add_authority, list_authorities
-from gateway.store.issuers import renew_before
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 

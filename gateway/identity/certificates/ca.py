@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from gateway.identity.certificates import RobotKey, pin, robot_uri
+from gateway.identity.certificates.parsing import RobotKey, pin, robot_uri
 from metaros.errors import ConfigError
 
 __all__ = [

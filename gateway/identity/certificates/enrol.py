@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from gateway.domain.identity import NewCertificate, TokenState
 from gateway.domain.robot import is_robot_id
 from gateway.errors import IdentityError, InvalidRequestError
-from gateway.identity.authorities import Authorities
-from gateway.identity.ca import Authority, issue_robot, key_pem, pem
-from gateway.identity.certificates import RobotKey, check_csr, key_id, load_certificate, read_robot
-from gateway.identity.tokens import Token, make_token, parse_token
+from gateway.identity.certificates.authorities import Authorities
+from gateway.identity.certificates.ca import Authority, issue_robot, key_pem, pem
+from gateway.identity.certificates.parsing import RobotKey, check_csr, key_id, load_certificate, read_robot
+from gateway.identity.certificates.tokens import Token, make_token, parse_token
 from gateway.store import Store
-from gateway.store.engine import StoreEngine
-from gateway.store.enrolment import (
+from gateway.store.accounts.enrolment import (
     Outcome,
     add_token,
     check_token,
@@ -30,11 +29,12 @@ from gateway.store.enrolment import (
     remove_token,
     renew_certificate,
 )
+from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 from metaros.link.proof import NONCE_BYTES, renew_statement, verify
 
-__all__ = ["CHALLENGE_S", "TOKEN_S", "EnrolDesk", "Enrolled"]
+__all__ = ["CHALLENGE_S", "TOKEN_S", "EnrolManager", "Enrolled"]
 
 TOKEN_S = 3600.0
 CHALLENGE_S = 60.0
@@ -55,7 +55,7 @@ class Enrolled:
     fresh: bool
 
 
-class EnrolDesk:
+class EnrolManager:
     """Makes tokens for people and certificates for robots."""
 
     def __init__(

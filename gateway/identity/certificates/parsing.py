@@ -1,4 +1,4 @@
-"""Reading what robots send: requests for certificates, and certificates; nothing in them is believed unchecked.
+"""Parses what robots send: certificate requests and certificates; nothing in them is trusted unchecked.
 
 A robot's name is `spiffe://FLEET/robot/ID`, the one subject alternative name of its certificate. Whatever else a
 request asks for is refused, never quietly left out: whoever asks for CA:TRUE should hear that it was noticed.

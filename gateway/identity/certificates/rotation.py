@@ -1,4 +1,4 @@
-"""How the fleet's issuer, and its root, follow one another, and when those before go.
+"""Rotation of the fleet's issuer and root: how each is followed by the next, and when the previous ones retire.
 
 A new issuer under the same root is known to all at once. A new root is not: robots learn it with their next
 certificate. Until the old one is retired the new issuer has two certificates, one under either root; everything is
@@ -19,14 +19,14 @@ from cryptography import x509
 from cryptography.x509.oid import NameOID
 
 from gateway.errors import AuthorityError
-from gateway.identity.authorities import PURPOSE, stored_authority
-from gateway.identity.ca import Authority, bridge, key_pem, make_intermediate, make_root, voucher
-from gateway.identity.certificates import issuer_key, load_certificate, pin, subject_key
+from gateway.identity.certificates.authorities import PURPOSE, stored_authority
+from gateway.identity.certificates.ca import Authority, bridge, key_pem, make_intermediate, make_root, voucher
+from gateway.identity.certificates.parsing import issuer_key, load_certificate, pin, subject_key
+from gateway.identity.certificates.root_key import ROOT_KEY_NEXT, read_root_key, settle_root_key, write_secret
 from gateway.identity.master import MasterKey
-from gateway.identity.root_key import ROOT_KEY_NEXT, read_root_key, settle_root_key, write_secret
+from gateway.store.accounts.identities import StoredAuthority, add_authority, list_authorities
+from gateway.store.accounts.issuers import HeldCertificate, drop_authorities, held_certificates
 from gateway.store.engine import StoreEngine
-from gateway.store.identities import StoredAuthority, add_authority, list_authorities
-from gateway.store.issuers import HeldCertificate, drop_authorities, held_certificates
 from metaros.limits import LIMITS
 
 __all__ = ["Issuer", "Retirement", "issuers", "retire", "retirement", "rotate_issuer", "rotate_root", "settle"]

@@ -20,18 +20,18 @@ from gateway.domain.principal import Role
 from gateway.errors import DamagedError
 from gateway.identity.errors import OidcRefusedError, ProviderError
 from gateway.identity.master import MasterKey
-from gateway.identity.oidc_http import Reach, fetch
-from gateway.identity.oidc_settings import OidcSettings
+from gateway.identity.oidc.http import UrlPolicy, fetch
+from gateway.identity.oidc.settings import OidcSettings
 from metaros.clock import Clock
-from metaros.later import Later
+from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
     from joserfc import errors as jose
     from joserfc import jwk, jwt
 else:  # most gateways have no provider
-    jose, jwk, jwt = Later("joserfc.errors"), Later("joserfc.jwk"), Later("joserfc.jwt")
+    jose, jwk, jwt = LazyModule("joserfc.errors"), LazyModule("joserfc.jwk"), LazyModule("joserfc.jwt")
 
-__all__ = ["Begun", "OidcClient", "Person"]
+__all__ = ["OidcClient", "Person", "StartedSignIn"]
 
 ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "ES256", "ES384", "EdDSA")  # never "none", never a shared secret
 DOCUMENT_BYTES = 256 * 1024
@@ -41,8 +41,8 @@ KEPT_S = 300.0  # the provider's documents and keys
 _PURPOSE = "oidc"
 
 
-class Begun(NamedTuple):
-    """A sign-in that has begun: where the browser goes, and what it keeps."""
+class StartedSignIn(NamedTuple):
+    """A started sign-in: where the browser goes, and what it keeps."""
 
     url: str
     cookie: str
@@ -69,14 +69,16 @@ class _Provider:
 class OidcClient:
     """One provider."""
 
-    def __init__(self, settings: OidcSettings, master: MasterKey, *, clock: Clock, reach: Reach | None = None) -> None:
+    def __init__(
+        self, settings: OidcSettings, master: MasterKey, *, clock: Clock, policy: UrlPolicy | None = None
+    ) -> None:
         self.settings = settings
         self._master = master
         self._clock = clock
-        self._reach = reach or Reach(settings.issuer)
+        self._reach = policy or UrlPolicy(settings.issuer)
         self._provider: _Provider | None = None
 
-    async def begin(self) -> Begun:
+    async def begin(self) -> StartedSignIn:
         """Where to send the browser; ProviderError when the provider cannot be asked."""
         provider = await self._known()
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
@@ -94,7 +96,7 @@ class OidcClient:
         }
         join = "&" if "?" in provider.authorize else "?"
         cookie = _unpadded(self._master.seal(_PURPOSE, "begun", plain))
-        return Begun(f"{provider.authorize}{join}{urlencode(query)}", cookie)
+        return StartedSignIn(f"{provider.authorize}{join}{urlencode(query)}", cookie)
 
     async def finish(self, *, code: str, state: str, cookie: str) -> Person:
         """Who has signed in.

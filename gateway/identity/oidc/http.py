@@ -18,15 +18,15 @@ import h11
 
 from gateway.identity.errors import ProviderError
 
-__all__ = ["Reach", "fetch"]
+__all__ = ["UrlPolicy", "fetch"]
 
 TIMEOUT_S = 10.0
 PIECE_BYTES = 16 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
-    """Where requests may go: https anywhere public and to the issuer; plain http only to an issuer on this machine."""
+class UrlPolicy:
+    """Which URLs may be requested: https to public hosts and the issuer; plain http only to a local issuer."""
 
     issuer: str
     context: ssl.SSLContext | None = None  # other roots than the system's
@@ -59,7 +59,7 @@ class Reach:
 
 
 async def fetch(
-    reach: Reach,
+    policy: UrlPolicy,
     url: str,
     *,
     limit_bytes: int,
@@ -72,10 +72,10 @@ async def fetch(
     Raises:
         ProviderError: no answer in time, a redirect, too many bytes, or a place that is not asked.
     """
-    parts = reach.check(url)
+    parts = policy.check(url)
     try:
         async with asyncio.timeout(timeout_s):
-            return await _ask(reach, parts, limit_bytes=limit_bytes, form=form, authorization=authorization)
+            return await _ask(policy, parts, limit_bytes=limit_bytes, form=form, authorization=authorization)
     except TimeoutError as error:
         raise ProviderError(f"{parts.netloc} gave no answer in {timeout_s:g} s") from error
     except (OSError, h11.RemoteProtocolError) as error:
@@ -83,12 +83,12 @@ async def fetch(
 
 
 async def _ask(
-    reach: Reach, parts: SplitResult, *, limit_bytes: int, form: bytes | None, authorization: str
+    policy: UrlPolicy, parts: SplitResult, *, limit_bytes: int, form: bytes | None, authorization: str
 ) -> tuple[int, bytes]:
     secure = parts.scheme == "https"
-    context = (reach.context or ssl.create_default_context()) if secure else None
+    context = (policy.context or ssl.create_default_context()) if secure else None
     reader, writer = await asyncio.open_connection(
-        await reach.address(parts),
+        await policy.address(parts),
         parts.port or (443 if secure else 80),
         ssl=context,
         server_hostname=parts.hostname if secure else None,

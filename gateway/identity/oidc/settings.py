@@ -9,7 +9,7 @@ from typing import Any
 import orjson
 
 from gateway.domain.principal import EVERY_ROBOT, Role, check_robots
-from gateway.private_dir import others_can_read
+from gateway.store.private_dir import others_can_read
 from metaros.errors import ConfigError
 
 __all__ = ["OidcSettings"]

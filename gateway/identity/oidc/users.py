@@ -1,4 +1,4 @@
-"""Whom a provider has signed in, as a user of this gateway: made the first time, with today's role each time."""
+"""Users from an identity provider: created at the first sign-in, with the current role at each."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import re
 
 from gateway.domain.principal import EVERY_ROBOT, Role
 from gateway.identity.errors import OidcRefusedError
-from gateway.identity.oidc import Person
+from gateway.identity.oidc.client import Person
 from gateway.identity.sessions import open_session, sweep
 from gateway.identity.signin import SignedIn
 from gateway.identity.users import change_user, create_user
-from gateway.store import accounts
+from gateway.store.accounts import users
 from gateway.store.engine import StoreEngine
 
 __all__ = ["sign_in_person"]
@@ -33,29 +33,29 @@ def sign_in_person(
         LastAdminError: their groups take the role of the last admin away.
         TooManyError: there are too many users.
     """
-    user = accounts.find_external(engine, person.external)
-    reach = EVERY_ROBOT if person.role == Role.ADMIN else robots
+    user = users.find_external(engine, person.external)
+    policy = EVERY_ROBOT if person.role == Role.ADMIN else robots
     if user is None:
         user = create_user(
             engine,
             _free_name(engine, person),
             role=person.role,
-            robots=reach,
+            robots=policy,
             external=person.external,
             now_ns=now_ns,
         )
     elif user.disabled:
         raise OidcRefusedError("oidc_disabled", "this user is disabled here")
     elif user.role != person.role:
-        user = change_user(engine, user.name, role=person.role, robots=reach)
+        user = change_user(engine, user.name, role=person.role, robots=policy)
     sweep(engine, now_ns=now_ns)
-    accounts.change_user(engine, user.id, signed_in_ns=now_ns)
+    users.change_user(engine, user.id, signed_in_ns=now_ns)
     return SignedIn(user, open_session(engine, user, now_ns=now_ns, address=address))
 
 
 def _free_name(engine: StoreEngine, person: Person) -> str:
     """The person's name as ours are written; with a part of their subject's hash where somebody has it."""
     name = _ODD.sub("-", person.name.lower()).strip(".-_@+")[:NAME_CHARS] or "user"
-    if accounts.find_user(engine, name) is None:
+    if users.find_user(engine, name) is None:
         return name
     return f"{name}.{hashlib.sha256(person.external.encode()).hexdigest()[:10]}"

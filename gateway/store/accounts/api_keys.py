@@ -8,7 +8,7 @@ import orjson
 
 from gateway.domain.account import ApiKey, User
 from gateway.domain.principal import Role
-from gateway.store.accounts import get_user
+from gateway.store.accounts.users import get_user
 from gateway.store.engine import Row, StoreEngine, placeholders
 
 __all__ = ["add_key", "count_keys", "find_key", "key_and_owner", "list_keys", "remove_key", "touch_key"]

@@ -25,7 +25,7 @@ __all__ = [
     "read_hashes",
     "read_head",
     "read_page",
-    "walk",
+    "verify_rows",
 ]
 
 _MARK = b"metaros audit 1\0"
@@ -135,7 +135,7 @@ def read_page(
         return [_row(row) for row in engine.fetch(sql, *wanted.values(), limit)]
 
 
-def walk(engine: StoreEngine, known: AuditHead, *, limit: int) -> tuple[AuditHead, list[AuditFault], bool]:
+def verify_rows(engine: StoreEngine, known: AuditHead, *, limit: int) -> tuple[AuditHead, list[AuditFault], bool]:
     """Prove at most `limit` rows after a proven one; AuditHead(0, "") begins.
 
     Returns:

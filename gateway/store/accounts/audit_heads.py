@@ -1,4 +1,4 @@
-"""Heads of the audit log in the object store: what the chain was at an earlier hour, out of the database's reach.
+"""Heads of the audit log in the object store: what the chain was at an earlier time, out of the database's reach.
 
 Who can write to the database could write a whole new chain. It would differ from the heads that were exported before;
 and a head that was sealed with the gateway's master key cannot be made by who has only the two stores.
@@ -17,10 +17,10 @@ from typing import Protocol
 import orjson
 
 from gateway.errors import DamagedError
-from gateway.objects import ObjectStore
-from gateway.store.audit import AuditFault, AuditHead, read_hashes, read_head
+from gateway.store.accounts.audit import AuditFault, AuditHead, read_hashes, read_head
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import Transact, announce, stored
+from gateway.store.objects import ObjectStore
 
 __all__ = ["HEADS", "HeadReport", "Seal", "check_heads", "export_head", "head_names"]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from gateway.errors import GatewayError
-from gateway.objects import ObjectStore
-from gateway.store.audit import AuditFault, AuditHead, walk
-from gateway.store.audit_heads import HeadReport, Seal, check_heads
+from gateway.store.accounts.audit import AuditFault, AuditHead, verify_rows
+from gateway.store.accounts.audit_heads import HeadReport, Seal, check_heads
 from gateway.store.engine import StoreEngine
+from gateway.store.objects import ObjectStore
 from metaros.limits import LIMITS
 
 __all__ = ["MAX_FAULTS", "STEP_ROWS", "proof", "prove"]
@@ -23,7 +23,7 @@ def prove(engine: StoreEngine, objects: ObjectStore, *, seal: Seal | None = None
     at, more = AuditHead(0, ""), True
     faults: list[AuditFault] = []
     while more:
-        at, found, more = walk(engine, at, limit=STEP_ROWS)
+        at, found, more = verify_rows(engine, at, limit=STEP_ROWS)
         faults += found[: MAX_FAULTS - len(faults)]
     try:
         heads = check_heads(engine, objects, limit=LIMITS.audit_heads, seal=seal)

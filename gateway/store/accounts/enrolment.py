@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from gateway.domain.identity import NewCertificate, TokenState
 from gateway.errors import IdentityError, TooManyError
+from gateway.store.accounts.identities import next_revision, raise_alarm
 from gateway.store.engine import Row, StoreEngine
-from gateway.store.identities import next_revision, raise_alarm
 
 __all__ = [
     "RETRY_S",

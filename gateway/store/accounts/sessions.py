@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gateway.domain.account import Session, User
-from gateway.store.accounts import USER_COLUMNS, user_of
+from gateway.store.accounts.users import USER_COLUMNS, user_of
 from gateway.store.engine import StoreEngine, placeholders
 
 __all__ = [

@@ -187,6 +187,6 @@ def _alert(row: Row) -> Alert:
 
 
 def _evidence(item: dict[str, Any]) -> Evidence:
-    told_ns, ended_ns = item.pop("told_ns"), item.pop("ended_ns")
+    reported_ns, ended_ns = item.pop("told_ns"), item.pop("ended_ns")
     numbers = {name: nan if item[name] is None else item[name] for name in ("value", "low", "high")}
-    return Evidence(finding=Finding(**{**item, **numbers}), told_ns=told_ns, ended_ns=ended_ns)
+    return Evidence(finding=Finding(**{**item, **numbers}), told_ns=reported_ns, ended_ns=ended_ns)

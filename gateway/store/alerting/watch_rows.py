@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gateway.domain.channel import METRIC_STREAM
-from gateway.store.chunks import TOGETHER, Stamps, Values, decode
 from gateway.store.engine import Row, StoreEngine, placeholders, slices, unsigned
-from gateway.store.series import WaitingRows, waiting_rows
+from gateway.store.telemetry.chunks import TOGETHER, Stamps, Values, decode
+from gateway.store.telemetry.series import WaitingRows, waiting_rows
 from metaros.link import BACKFILL_BIT
 
 __all__ = ["RecentRows", "read_recent"]

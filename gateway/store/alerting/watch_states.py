@@ -105,14 +105,14 @@ def read_state(engine: StoreEngine, robot: str) -> Saved | None:
     if not rows:
         return None
     fence, version, saved_ns, newest_ns, marks, state = rows[0]
-    told = {(stream, epoch): seq for stream, epoch, seq in orjson.loads(marks)}
+    watermarks = {(stream, epoch): seq for stream, epoch, seq in orjson.loads(marks)}
     return Saved(
         robot=robot,
         fence=fence,
         version=version,
         saved_ns=saved_ns,
         newest_ns=newest_ns,
-        marks=told,
+        marks=watermarks,
         state=bytes(state),
     )
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import orjson
 
-from gateway.domain.canary import Canary
+from gateway.domain.automation.canary import Canary
 from gateway.store.engine import StoreEngine
 
 __all__ = ["delete_canary", "read_canaries", "read_canary", "save_canary"]

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.domain.delivery import DeadFilter, Delivery, Share
-from gateway.store.delivery_rows import COLUMNS, age_ns, delivery_of, skip_locked
+from gateway.domain.automation.delivery import DeadFilter, Delivery, Share
+from gateway.store.automation.delivery_rows import COLUMNS, age_ns, delivery_of, skip_locked
+from gateway.store.automation.queue_totals import DEAD_ROWS, LIVE, check_room, count, totals
 from gateway.store.engine import StoreEngine, placeholders
-from gateway.store.queue_totals import DEAD_ROWS, LIVE, check_room, count, totals
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["dead_page", "drop_dead", "redrive"]

@@ -11,16 +11,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gateway.domain.delivery import DEAD, DONE, WAITING, Backlog, Delivery, Put, Share
-from gateway.store.delivery_rows import COLUMNS, INSERT, delivery_of, new_row, plan_anew, skip_locked
+from gateway.domain.automation.delivery import DEAD, DONE, WAITING, Backlog, Delivery, Put, Share
+from gateway.store.automation.delivery_rows import COLUMNS, INSERT, delivery_of, new_row, plan_anew, skip_locked
+from gateway.store.automation.queue_totals import DEAD_ROWS, DONE_ROWS, LIVE, check_room, count, totals
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
-from gateway.store.queue_totals import DEAD_ROWS, DONE_ROWS, LIVE, check_room, count, totals
 from metaros.limits import LIMITS, Limits
 
 __all__ = [
+    "AttemptResult",
+    "LeaseRequest",
     "Ready",
-    "Turn",
-    "Wish",
     "backlog",
     "delivery",
     "due_of",
@@ -51,7 +51,7 @@ class Ready:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class LeaseRequest:
     """How many deliveries of a target there is room for."""
 
     kind: str
@@ -60,7 +60,7 @@ class Wish:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class AttemptResult:
     """What became of a lease: `state` is WAITING (then `due_ns` says until when), DONE or DEAD."""
 
     delivery: Delivery
@@ -125,7 +125,13 @@ def due_of(engine: StoreEngine, targets: Sequence[tuple[str, str]]) -> list[Read
 
 
 def lease(
-    engine: StoreEngine, wishes: Sequence[Wish], *, holder: str, now_ns: int, for_ns: int, most_bytes: int
+    engine: StoreEngine,
+    lease_requests: Sequence[LeaseRequest],
+    *,
+    holder: str,
+    now_ns: int,
+    for_ns: int,
+    most_bytes: int,
 ) -> list[Delivery]:
     """Take what is due of these targets, the longest due first, until there is no room: leased for `for_ns`."""
     sql = (
@@ -135,8 +141,8 @@ def lease(
     plan_anew(engine)
     ids: list[str] = []
     left_bytes = most_bytes
-    for wish in wishes:
-        for found, size_bytes in engine.fetch(sql, wish.kind, wish.target, now_ns, now_ns, wish.most):
+    for request in lease_requests:
+        for found, size_bytes in engine.fetch(sql, request.kind, request.target, now_ns, now_ns, request.most):
             if ids and size_bytes > left_bytes:
                 break
             ids.append(found)
@@ -162,7 +168,7 @@ def extend(engine: StoreEngine, ids: Sequence[str], *, holder: str, until_ns: in
 
 def settle(
     engine: StoreEngine,
-    turns: Sequence[Turn],
+    outcomes: Sequence[AttemptResult],
     *,
     holder: str,
     gateway: str,
@@ -171,31 +177,31 @@ def settle(
 ) -> list[bool]:
     """End leases, and put what follows from that; whether each was still the holder's (else nothing of it happened)."""
     plan_anew(engine)
-    sizes = _held(engine, turns, holder)
-    ours = [turn for turn in turns if turn.delivery.id in sizes]
-    back = [turn for turn in ours if turn.state == WAITING]
-    dead = [turn for turn in ours if turn.state == DEAD]
-    done = [turn for turn in ours if turn.state == DONE]
+    sizes = _held(engine, outcomes, holder)
+    ours = [outcome for outcome in outcomes if outcome.delivery.id in sizes]
+    back = [outcome for outcome in ours if outcome.state == WAITING]
+    dead = [outcome for outcome in ours if outcome.state == DEAD]
+    done = [outcome for outcome in ours if outcome.state == DONE]
     engine.many(
         "UPDATE deliveries SET state = 'waiting', holder = '', until_ns = 0, due_ns = ?, attempts = ?, code = ?,"
         " message = ? WHERE delivery = ?",
-        [(turn.due_ns, turn.attempts, turn.code, turn.message, turn.delivery.id) for turn in back],
+        [(outcome.due_ns, outcome.attempts, outcome.code, outcome.message, outcome.delivery.id) for outcome in back],
     )
     engine.many(
         "UPDATE deliveries SET state = 'dead', holder = '', until_ns = 0, ended_ns = ?, attempts = ?, code = ?,"
         " message = ? WHERE delivery = ?",
-        [(now_ns, turn.attempts, turn.code, turn.message, turn.delivery.id) for turn in dead],
+        [(now_ns, outcome.attempts, outcome.code, outcome.message, outcome.delivery.id) for outcome in dead],
     )
-    _finish(engine, [turn for turn in done if turn.delivery.put.dedup], now_ns)
-    forgotten = [(turn.delivery.id,) for turn in done if not turn.delivery.put.dedup]
+    _finish(engine, [outcome for outcome in done if outcome.delivery.put.dedup], now_ns)
+    forgotten = [(outcome.delivery.id,) for outcome in done if not outcome.delivery.put.dedup]
     engine.many("DELETE FROM deliveries WHERE delivery = ?", forgotten)
     ended = [*dead, *done]
-    count(engine, gateway, LIVE, -len(ended), -sum(sizes[turn.delivery.id] for turn in ended))
-    count(engine, gateway, DEAD_ROWS, len(dead), sum(sizes[turn.delivery.id] for turn in dead))
+    count(engine, gateway, LIVE, -len(ended), -sum(sizes[outcome.delivery.id] for outcome in ended))
+    count(engine, gateway, DEAD_ROWS, len(dead), sum(sizes[outcome.delivery.id] for outcome in dead))
     count(engine, gateway, DONE_ROWS, len(done) - len(forgotten), 0)
-    follows = [one for turn in ours for one in turn.puts]
+    follows = [one for outcome in ours for one in outcome.puts]
     put(engine, follows, gateway=gateway, now_ns=now_ns, limits=limits, bounded=False)
-    return [turn.delivery.id in sizes for turn in turns]
+    return [outcome.delivery.id in sizes for outcome in outcomes]
 
 
 def reclaim(engine: StoreEngine, *, now_ns: int, limit: int) -> list[Ready]:
@@ -276,9 +282,9 @@ def _take(engine: StoreEngine, ids: Sequence[str], holder: str, until_ns: int) -
     return sorted(taken, key=lambda one: place[one.id])
 
 
-def _held(engine: StoreEngine, turns: Sequence[Turn], holder: str) -> dict[str, int]:
+def _held(engine: StoreEngine, outcomes: Sequence[AttemptResult], holder: str) -> dict[str, int]:
     """The sizes of those that are the holder's still, and of the same lease."""
-    tries = {turn.delivery.id: turn.delivery.tries for turn in turns}
+    tries = {outcome.delivery.id: outcome.delivery.tries for outcome in outcomes}
     sizes: dict[str, int] = {}
     for some in slices(sorted(tries)):
         sql = (
@@ -289,12 +295,12 @@ def _held(engine: StoreEngine, turns: Sequence[Turn], holder: str) -> dict[str, 
     return sizes
 
 
-def _finish(engine: StoreEngine, turns: Sequence[Turn], now_ns: int) -> None:
+def _finish(engine: StoreEngine, outcomes: Sequence[AttemptResult], now_ns: int) -> None:
     """Remember that they are done, and nothing else of them."""
     engine.many(
         "UPDATE deliveries SET state = 'done', holder = '', until_ns = 0, ended_ns = ?, attempts = ?, code = '',"
         " message = ?, size_bytes = 0, context = '{}', payload = ? WHERE delivery = ?",
-        [(now_ns, turn.attempts, turn.message, b"", turn.delivery.id) for turn in turns],
+        [(now_ns, outcome.attempts, outcome.message, b"", outcome.delivery.id) for outcome in outcomes],
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.command import new_command_id
-from gateway.domain.delivery import WAITING, Delivery, Policy, Put
+from gateway.domain.automation.delivery import WAITING, Delivery, Policy, Put
+from gateway.domain.fleet.command import new_command_id
 from gateway.store.engine import Row, StoreEngine
 from gateway.store.schema import ROW_BYTES
 from metaros.errors import TooLargeError
@@ -56,7 +56,7 @@ def new_row(put: Put, place: int, *, now_ns: int, limits: Limits) -> tuple[Any, 
         0,
         0,
         row_bytes(put, context, limits),
-        put.happening,
+        put.event_id,
         put.robot,
         put.dedup,
         "",
@@ -73,7 +73,7 @@ def delivery_of(row: Row) -> Delivery:
         kind=row[1],
         target=row[2],
         payload=bytes(row[22]),
-        happening=row[15],
+        event_id=row[15],
         robot=row[16],
         dedup=row[17],
         due_ns=row[4],

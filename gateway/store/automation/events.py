@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.domain.event import Event
+from gateway.domain.automation.event import Event
 from gateway.store.engine import Row, StoreEngine, placeholders
 
 __all__ = ["add_events", "event_bounds", "newest_events", "purge_events", "read_events"]

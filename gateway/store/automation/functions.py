@@ -1,6 +1,7 @@
 """Functions in the database: records, their code's objects and the count of changes.
 
-Every function runs inside a transaction of the caller's. What a document says is `gateway.functions`' business.
+Every function runs inside a transaction of the caller's. What a document says is a matter of
+`gateway.automation.functions`.
 """
 
 from __future__ import annotations

@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 import orjson
 
-from gateway.domain.event import Event
-from gateway.domain.happening import JOURNAL, Happening, Span, journal_happening
+from gateway.domain.automation.event import Event
+from gateway.domain.automation.gateway_event import JOURNAL, GatewayEvent, Span, from_journal
+from gateway.store.automation.queue_totals import GATEWAY_EVENTS, count
 from gateway.store.engine import StoreEngine, placeholders, slices
-from gateway.store.queue_totals import HAPPENINGS, count
 from gateway.store.schema import ROW_BYTES
 from metaros.errors import TooLargeError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Cursor", "add_happenings", "happening", "read_happenings"]
+__all__ = ["Cursor", "add_gateway_events", "find_gateway_event", "read_gateway_events"]
 
 _EVENTS, _OWN = 0, 1  # places
 _COLUMNS = "source, id, type, robot, at_ns, stored_ns, size_bytes, data"
@@ -27,22 +27,22 @@ _SELECT_EVENT = "SELECT at_ns, event, kind, robot, gateway, data FROM events"
 
 
 class Cursor(NamedTuple):
-    """A happening's place among all, by time."""
+    """An event's place among all, by time."""
 
     at_ns: int
     place: int = _EVENTS
     number: int = -1
 
 
-def add_happenings(
-    engine: StoreEngine, happenings: Sequence[Happening], *, gateway: str, now_ns: int, limits: Limits = LIMITS
-) -> list[Happening]:
-    """Keep happenings; those that are new by source and id, each once.
+def add_gateway_events(
+    engine: StoreEngine, gateway_events: Sequence[GatewayEvent], *, gateway: str, now_ns: int, limits: Limits = LIMITS
+) -> list[GatewayEvent]:
+    """Keep events; those that are new by source and id, each once.
 
     Raises:
         TooLargeError: the data of one is over its limit; none is kept.
     """
-    unique = {(one.source, one.id): one for one in reversed(happenings)}
+    unique = {(one.source, one.id): one for one in reversed(gateway_events)}
     # Gateways that keep the same at once wait for each other, in one order.
     rows = {key: _row(unique[key], now_ns, limits) for key in sorted(unique)}
     new: set[tuple[str, str]] = set()
@@ -50,40 +50,39 @@ def add_happenings(
         values = ", ".join(["(?, ?, ?, ?, ?, ?, ?, ?)"] * len(some))
         sql = f"INSERT INTO happenings ({_COLUMNS}) VALUES {values} ON CONFLICT DO NOTHING RETURNING source, id"
         new.update((row[0], row[1]) for row in engine.fetch(sql, *(value for row in some for value in row)))
-    count(engine, gateway, HAPPENINGS, len(new), sum(rows[key][6] for key in new))
+    count(engine, gateway, GATEWAY_EVENTS, len(new), sum(rows[key][6] for key in new))
     return [one for key, one in reversed(unique.items()) if key in new]
 
 
-def read_happenings(
+def read_gateway_events(
     engine: StoreEngine, span: Span, *, after: Cursor | None = None, limit: int
-) -> list[tuple[Cursor, Happening]]:
-    """Happenings of a span behind a cursor, by their time: those of the journal and the others together."""
+) -> list[tuple[Cursor, GatewayEvent]]:
+    """Events of a span behind a cursor, by their time: those of the journal and the others together."""
     start = after if after is not None else Cursor(span.from_ns)
     found = heapq.merge(_events(engine, span, start, limit), _own(engine, span, start, limit), key=lambda item: item[0])
     return [item for item, _ in zip(found, range(limit), strict=False)]
 
 
-def happening(engine: StoreEngine, source: str, happening_id: str) -> Happening | None:
+def find_gateway_event(engine: StoreEngine, source: str, event_id: str) -> GatewayEvent | None:
     """One of them; None where it is not kept."""
-    if source == JOURNAL and happening_id[:2] == "e-" and happening_id[2:].isdecimal() and len(happening_id) < 20:
-        rows = engine.fetch(f"{_SELECT_EVENT} WHERE event = ?", int(happening_id[2:]))
+    if source == JOURNAL and event_id[:2] == "e-" and event_id[2:].isdecimal() and len(event_id) < 20:
+        rows = engine.fetch(f"{_SELECT_EVENT} WHERE event = ?", int(event_id[2:]))
         return _of_event(rows[0]) if rows else None
-    rows = engine.fetch(f"{_SELECT} WHERE source = ? AND id = ?", source, happening_id)
+    rows = engine.fetch(f"{_SELECT} WHERE source = ? AND id = ?", source, event_id)
     return _of_own(rows[0]) if rows else None
 
 
-def _row(one: Happening, now_ns: int, limits: Limits) -> tuple[Any, ...]:
+def _row(one: GatewayEvent, now_ns: int, limits: Limits) -> tuple[Any, ...]:
     data = orjson.dumps(dict(one.data)).decode()
     size_bytes = len(data.encode())
     if size_bytes > limits.happening_bytes:
         raise TooLargeError(
-            f"the data of happening {one.id[:64]} has {size_bytes} B, and {limits.happening_bytes} B may:"
-            " happening_bytes"
+            f"the data of event {one.id[:64]} has {size_bytes} B, and {limits.happening_bytes} B may: happening_bytes"
         )
     return (one.source, one.id, one.type, one.robot, one.at_ns, now_ns, size_bytes + ROW_BYTES, data)
 
 
-def _events(engine: StoreEngine, span: Span, start: Cursor, limit: int) -> Iterable[tuple[Cursor, Happening]]:
+def _events(engine: StoreEngine, span: Span, start: Cursor, limit: int) -> Iterable[tuple[Cursor, GatewayEvent]]:
     prefix = f"{JOURNAL}."
     kinds = [name.removeprefix(prefix) for name in span.types if name.startswith(prefix)]
     if span.types and not kinds:
@@ -95,7 +94,7 @@ def _events(engine: StoreEngine, span: Span, start: Cursor, limit: int) -> Itera
     return [(Cursor(row[0], _EVENTS, row[1]), _of_event(row)) for row in rows]
 
 
-def _own(engine: StoreEngine, span: Span, start: Cursor, limit: int) -> Iterable[tuple[Cursor, Happening]]:
+def _own(engine: StoreEngine, span: Span, start: Cursor, limit: int) -> Iterable[tuple[Cursor, GatewayEvent]]:
     conditions, values = _conditions(span, "type", span.types)
     number = start.number if start.place == _OWN else -1
     sql = f"{_SELECT} WHERE (at_ns, happening) > (?, ?) AND at_ns < ?{conditions} ORDER BY at_ns, happening LIMIT ?"
@@ -112,9 +111,9 @@ def _conditions(span: Span, column: str, types: Sequence[str]) -> tuple[str, lis
     return conditions, values
 
 
-def _of_event(row: Any) -> Happening:
-    return journal_happening(Event(seq=row[1], kind=row[2], robot=row[3], at_ns=row[0], gateway=row[4], data=row[5]))
+def _of_event(row: Any) -> GatewayEvent:
+    return from_journal(Event(seq=row[1], kind=row[2], robot=row[3], at_ns=row[0], gateway=row[4], data=row[5]))
 
 
-def _of_own(row: Any) -> Happening:
-    return Happening(id=row[3], type=row[4], source=row[2], at_ns=row[0], robot=row[5], data=orjson.loads(row[6]))
+def _of_own(row: Any) -> GatewayEvent:
+    return GatewayEvent(id=row[3], type=row[4], source=row[2], at_ns=row[0], robot=row[5], data=orjson.loads(row[6]))

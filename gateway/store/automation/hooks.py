@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import orjson
 
-from gateway.domain.rule import Hook
+from gateway.domain.automation.rule import Hook
 from gateway.store.engine import Row, StoreEngine
 
 __all__ = ["add_hook", "count_hook", "keep_secret", "read_hook", "read_hooks", "read_secret", "remove_hook"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 
-from gateway.domain.invocation import InvocationFilter, Recorded
+from gateway.domain.automation.invocation import InvocationFilter, Recorded
 from gateway.store.engine import Row, StoreEngine, placeholders
 
 __all__ = ["add_invocations", "list_invocations", "newest_invocations", "purge_invocations"]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from gateway.store.engine import StoreEngine, placeholders, signed, slices, unsigned
-from gateway.store.samples import CHANNEL_COLUMNS, RUN_COLUMNS, StoredRun, stored_channel, stored_run
+from gateway.store.telemetry.samples import CHANNEL_COLUMNS, RUN_COLUMNS, StoredRun, stored_channel, stored_run
 
 __all__ = ["Cursor", "Stream", "find_streams", "forget_mapping", "next_runs", "put_cursor", "read_cursors", "start_of"]
 

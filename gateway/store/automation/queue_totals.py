@@ -6,14 +6,14 @@ count, and one that ends what another had put may well stand below zero.
 
 from __future__ import annotations
 
-from gateway.domain.delivery import Share, Totals
+from gateway.domain.automation.delivery import Share, Totals
 from gateway.domain.errors import QueueFullError
 from gateway.store.engine import StoreEngine
 from metaros.limits import Limits
 
-__all__ = ["DEAD_ROWS", "DONE_ROWS", "HAPPENINGS", "LIVE", "check_room", "count", "totals"]
+__all__ = ["DEAD_ROWS", "DONE_ROWS", "GATEWAY_EVENTS", "LIVE", "check_room", "count", "totals"]
 
-LIVE, DEAD_ROWS, DONE_ROWS, HAPPENINGS = "live", "dead", "done", "happenings"
+LIVE, DEAD_ROWS, DONE_ROWS, GATEWAY_EVENTS = "live", "dead", "done", "happenings"
 
 _COUNT = """
     INSERT INTO queue_totals VALUES (?, ?, ?, ?) ON CONFLICT (gateway, what) DO UPDATE SET
@@ -32,7 +32,14 @@ def count(engine: StoreEngine, gateway: str, what: str, rows: int, size_bytes: i
 
 def totals(engine: StoreEngine) -> Totals:
     """What there is."""
-    return Totals(**{what: Share(int(rows), int(size_bytes)) for what, rows, size_bytes in engine.fetch(_SUM)})
+    found = {what: Share(int(rows), int(size_bytes)) for what, rows, size_bytes in engine.fetch(_SUM)}
+    none = Share()
+    return Totals(
+        live=found.get(LIVE, none),
+        dead=found.get(DEAD_ROWS, none),
+        done=found.get(DONE_ROWS, none),
+        gateway_events=found.get(GATEWAY_EVENTS, none),
+    )
 
 
 def check_room(live: Share, more: Share, limits: Limits) -> None:

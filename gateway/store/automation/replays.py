@@ -10,9 +10,9 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.happening import Replay, Span
+from gateway.domain.automation.gateway_event import Replay, Span
+from gateway.store.automation.gateway_events import Cursor
 from gateway.store.engine import Row, StoreEngine
-from gateway.store.happenings import Cursor
 
 __all__ = ["add_replay", "advance_replay", "end_replay", "read_replay", "read_replays"]
 
@@ -51,7 +51,7 @@ def end_replay(engine: StoreEngine, replay_id: str, *, now_ns: int, code: str = 
 
 
 def read_replay(engine: StoreEngine, replay_id: str) -> tuple[Replay, Cursor] | None:
-    """A replay, and the happening behind which it goes on."""
+    """A replay, and the event behind which it goes on."""
     rows = engine.fetch(f"SELECT {_COLUMNS} FROM replays WHERE replay = ?", replay_id)
     return (_replay(rows[0]), Cursor(rows[0][8], rows[0][9], rows[0][10])) if rows else None
 

@@ -1,10 +1,10 @@
-"""What rules remember between happenings, in the database. Every function runs inside a transaction of the caller's."""
+"""What rules remember between events, in the database. Every function runs inside a transaction of the caller's."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 
-from gateway.domain.rule import NextFire, RuleState
+from gateway.domain.automation.rule import NextFire, RuleState
 from gateway.store.engine import Row, StoreEngine, slices
 
 __all__ = [

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import orjson
 
-from gateway.domain.rule import Maker, RuleEntry, RuleStats, StoredRule
+from gateway.domain.automation.rule import Maker, RuleEntry, RuleStats, StoredRule
 from gateway.store.engine import Row, StoreEngine
 
 __all__ = [

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.domain.command import OPEN, Command
 from gateway.domain.errors import IdempotencyConflictError
+from gateway.domain.fleet.command import OPEN, Command
 from gateway.errors import TooManyError, UnknownRobotError
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from metaros.limits import LIMITS

@@ -1,4 +1,4 @@
-"""What was made under which Idempotency-Key, in the database. Every function runs inside a transaction of the caller's.
+"""Idempotency keys in the database, with what was made under each. Each function runs in a transaction of the caller's.
 
 What commands are kept under is theirs, see `store/commands.py`.
 """
@@ -6,14 +6,14 @@ What commands are kept under is theirs, see `store/commands.py`.
 from __future__ import annotations
 
 from gateway.domain.errors import IdempotencyConflictError
-from gateway.domain.once import Once
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.store.engine import StoreEngine
 from metaros.limits import LIMITS
 
 __all__ = ["made_before", "remember_made"]
 
 
-def made_before(engine: StoreEngine, once: Once | None) -> str:
+def made_before(engine: StoreEngine, once: IdempotentRequest | None) -> str:
     """The id of what the same request made before; "" when it is new, or has no key.
 
     Raises:
@@ -31,7 +31,7 @@ def made_before(engine: StoreEngine, once: Once | None) -> str:
     return str(made)
 
 
-def remember_made(engine: StoreEngine, once: Once | None, made: str, *, now_ns: int) -> None:
+def remember_made(engine: StoreEngine, once: IdempotentRequest | None, made: str, *, now_ns: int) -> None:
     """Keep what a request made, in the transaction that makes it; what is a day old is forgotten.
 
     Raises:

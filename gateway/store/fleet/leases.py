@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gateway.domain.node_lease import Held, Step, Unit
+from gateway.domain.fleet.node_lease import Step, Unit, UnitLease
 from gateway.store.engine import StoreEngine
 
 __all__ = ["read_leases", "write_leases"]
@@ -12,10 +12,10 @@ __all__ = ["read_leases", "write_leases"]
 _COLUMNS = "scope, node, robot, lease, epoch, renewals, keeper, since_ns"
 
 
-def read_leases(engine: StoreEngine) -> list[Held]:
+def read_leases(engine: StoreEngine) -> list[UnitLease]:
     """Every unit's last lease, over or not."""
     return [
-        Held(
+        UnitLease(
             unit=Unit(row[0], row[1]),
             robot=row[2],
             lease_id=row[3],
@@ -28,7 +28,7 @@ def read_leases(engine: StoreEngine) -> list[Held]:
     ]
 
 
-def write_leases(engine: StoreEngine, steps: Sequence[Step]) -> list[Held]:
+def write_leases(engine: StoreEngine, steps: Sequence[Step]) -> list[UnitLease]:
     """Take each step whose row is still what it was planned for; all rows afterwards, which say what was taken.
 
     Give steps in the order of their units, so that gateways do not wait for each other in a circle.
@@ -52,5 +52,5 @@ def write_leases(engine: StoreEngine, steps: Sequence[Step]) -> list[Held]:
     return read_leases(engine)
 
 
-def _values(held: Held) -> tuple[str | int, ...]:
+def _values(held: UnitLease) -> tuple[str | int, ...]:
     return held.robot, held.lease_id, held.epoch, held.renewals, held.keeper, held.since_ns

@@ -1,4 +1,4 @@
-"""Which robots have a link at which gateway of the store. Inside a transaction of the caller's.
+"""Presence of robots at the gateways of the store. Inside a transaction of the caller's.
 
 Gateways write down whose links begin and end, and that they live themselves: what a gateway said counts no longer than
 that. Of two links of one robot the later one counts.

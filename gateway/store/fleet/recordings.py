@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.recording import UNFINISHED, Recording
+from gateway.domain.fleet.recording import UNFINISHED, Recording
 from gateway.errors import TooManyError, UnknownRobotError
 from gateway.store.engine import Row, StoreEngine, placeholders
 

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 import orjson
 
-from gateway.domain.rollout import OPEN, Member, Plan, Rollout
+from gateway.domain.fleet.rollout import OPEN, Member, Plan, Rollout
 from gateway.store.engine import Row, StoreEngine, placeholders
 
 __all__ = ["add_rollout", "list_rollouts", "open_rollouts", "read_rollout", "revision_of", "save_rollout"]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from gateway.domain.selector import Selector
-from gateway.domain.twin import Template, TemplateEntry
+from gateway.domain.fleet.selector import Selector
+from gateway.domain.fleet.twin import Template, TemplateEntry
 from gateway.errors import TooManyError
 from gateway.store.engine import Row, StoreEngine, placeholders
+from metaros.fleet.twin import canonical, read
 from metaros.limits import LIMITS
-from metaros.twin import canonical, read
 
 __all__ = ["MAX_TEMPLATES", "read_template_history", "read_templates", "remove_template", "write_template"]
 

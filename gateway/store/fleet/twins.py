@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import orjson
 
-from gateway.domain.twin import Desired, Reported, TwinEntry
+from gateway.domain.fleet.twin import Desired, Reported, TwinEntry
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from metaros.limits import LIMITS
 

@@ -1,4 +1,4 @@
-"""The check of a store: ledger against object store, objects against their checksums, samples against watermarks.
+"""Checks a store's integrity: ledger against objects, objects against their checksums, samples against watermarks.
 
 It runs beside a working gateway, changes nothing, and names what is damaged; all else goes on being served. The last
 report is kept in the database, where the gateway shows it.
@@ -11,12 +11,12 @@ from dataclasses import asdict, dataclass, field
 
 import orjson
 
-from gateway.objects import ObjectStore
-from gateway.store.check_objects import BadObject, bad_objects, orphans, read_ledger, unreadable
-from gateway.store.check_series import bad_chunks
-from gateway.store.check_streams import Fault, stream_faults
 from gateway.store.engine import StoreEngine
+from gateway.store.integrity.objects import BadObject, bad_objects, orphans, read_ledger, unreadable
+from gateway.store.integrity.series import bad_chunks
+from gateway.store.integrity.streams import Fault, stream_faults
 from gateway.store.ledger import Transact, sweep_objects
+from gateway.store.objects import ObjectStore
 
 __all__ = ["OURS", "Damage", "Report", "check", "delete_orphans", "last_report", "remember"]
 

@@ -1,4 +1,4 @@
-"""Does the object store hold what the ledger says, and nothing else; and, on request, the very bytes?
+"""Compares the object store with the ledger, and on request reads every byte.
 
 Both change while they are looked at. So what looks wrong is looked at again, in an order in which an object that only
 comes or goes is never taken for a lost one.
@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.errors import CorruptObjectError, DamagedError, ObjectMissingError
-from gateway.objects import ObjectStore, chunks
-from gateway.store.audit_heads import HEADS
+from gateway.store.accounts.audit_heads import HEADS
 from gateway.store.engine import StoreEngine, unsigned
-from gateway.store.mark import MARK
-from gateway.store.segments import open_chunk, unpack
+from gateway.store.object_store_marker import MARK
+from gateway.store.objects import ObjectStore, chunks
+from gateway.store.telemetry.segments import open_chunk, unpack
 
 __all__ = ["BadObject", "Ledger", "bad_objects", "orphans", "read_ledger", "unreadable"]
 

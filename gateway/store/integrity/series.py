@@ -1,12 +1,12 @@
-"""Can every chunk of every numeric series be read, and does it hold what its row says?"""
+"""Checks that every chunk of every numeric series can be read, and holds what its row says."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from gateway.store.chunks import decode
 from gateway.store.engine import StoreEngine
+from gateway.store.telemetry.chunks import decode
 
 __all__ = ["BadChunk", "bad_chunks"]
 

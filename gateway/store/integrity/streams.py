@@ -1,4 +1,4 @@
-"""Is every sample of a stream stored once, or declared lost? What is stored is compared with the watermarks.
+"""Checks that every sample of a stream is stored once or declared lost, up to the watermark.
 
 Of each stream the numbers of its samples and of its declared losses must follow each other without a hole and without
 meeting twice, from the first sample that is still kept up to the watermark. Before that first sample the retention may

@@ -10,7 +10,7 @@ __all__ = ["AUDIT"]
 
 # audit_head: the newest row's number and hash. Whoever appends locks it first, so the gateways of one database write
 # one chain. Numbers have no holes. The hash is SHA-256 in hexadecimal over the hash of the row before and every other
-# column, see gateway/store/audit.py. status: as in HTTP; 101 is a socket that opened. code: of a refusal.
+# column, see gateway/store/accounts/audit.py. status: as in HTTP; 101 is a socket that opened. code: of a refusal.
 AUDIT = """
     CREATE TABLE audit_head (id {integer} PRIMARY KEY, number {integer} NOT NULL, hash TEXT NOT NULL);
     INSERT INTO audit_head VALUES (1, 0, '');

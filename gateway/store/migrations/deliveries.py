@@ -8,7 +8,7 @@ __all__ = ["DELIVERIES"]
 # nobody does. size_bytes: what counts towards the queue's bounds. context, policy: JSON. The indexes hold what waits
 # only: what it costs to find the next of a target does not grow with what is done.
 # queue_totals: rows and bytes by gateway, so that gateways of one database never wait for each other's count; their
-# sum is what there is. replays: at_ns, place and number are the happening behind which it goes on.
+# sum is what there is. replays: at_ns, place and number are the event behind which it goes on.
 DELIVERIES = """
     CREATE TABLE deliveries (
         delivery TEXT PRIMARY KEY,

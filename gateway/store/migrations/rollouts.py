@@ -12,7 +12,8 @@ __all__ = ["ROLLOUTS"]
 # withdrawn_ns: 0 while it may be fetched. duties: what only one gateway at a time does, and until when it is its turn.
 # rollouts.document: the plan; rollouts.state: running, paused, halted, done, aborted. rollout_robots.state: waiting,
 # starting, updating, done, failed, unreached. gateways: until when each is believed to live. presence: which gateway
-# said last that the robot is linked to it (online 1), or is not any more, and since when: gateway/store/presence.py.
+# said last that the robot is linked to it (online 1), or is not any more, and since when: see
+# gateway/store/fleet/presence.py.
 ROLLOUTS = """
     CREATE TABLE update_keys (
         keyid TEXT PRIMARY KEY,

@@ -5,7 +5,7 @@ from __future__ import annotations
 __all__ = ["RULES"]
 
 # rules.document, rules.maker: JSON. rule_head: the newest revision of all, by which gateways notice changes.
-# rule_states: what a rule remembers of one group; `last` is the happening that its timer fires on; due_ns 0: no timer.
+# rule_states: what a rule remembers of one group; `last` is the event that its timer fires on; due_ns 0: no timer.
 # rule_stats: counted by each gateway for itself, so that none waits for another. rule_fires: schedules; 0 is never.
 # rule_secrets.owner: "hook/NAME" or "target/RULE/ID"; sealed by the master key.
 RULES = """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = ["SERIES"]
 
-# encoding: how the blobs are to be read, see gateway/store/chunks.py; 0 is what earlier programs wrote.
+# encoding: how the blobs are to be read, see gateway/store/telemetry/chunks.py; 0 is what earlier programs wrote.
 # valid, low, high, total: the summary of the values that are numbers; low_ns, high_ns: when the extremes first were.
 # A row of an earlier program has no summary (valid is NULL) until it leaves by age.
 # The index holds every summary: a bucket in which a chunk lies as a whole needs neither the row nor its blobs, and in

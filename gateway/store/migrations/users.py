@@ -1,6 +1,6 @@
 """Migration 6: users, their sessions and sign-in links, API keys, and failed sign-ins.
 
-Nothing here opens a door to who reads it: passwords are argon2id hashes, sessions, links and keys are kept as SHA-256
+Nothing here is a usable credential: passwords are argon2id hashes, sessions, links and keys are kept as SHA-256
 of secrets of 256 bits. Only keys with the scope "lambda" also keep their secret, sealed under the gateway's master
 key, which lies in no database.
 """

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gateway.errors import GatewayError, ObjectMissingError, ObjectRefusedError, ObjectStoreError
-from gateway.objects.store import ObjectInfo, Source, check_name, opened, pieces
+from gateway.store.objects.store import ObjectInfo, Source, check_name, opened, pieces
 
 __all__ = ["DirectoryStore"]
 

@@ -29,13 +29,13 @@ from botocore.exceptions import (
 from urllib3.exceptions import HTTPError
 
 from gateway.errors import ObjectMissingError, ObjectRefusedError, ObjectStoreError
-from gateway.objects.store import ObjectInfo, Source, check_name, opened, pieces
+from gateway.store.objects.store import ObjectInfo, Source, check_name, opened, pieces
 
 if TYPE_CHECKING:
     from types_boto3_s3 import S3Client
     from types_boto3_s3.type_defs import CompletedPartTypeDef
 
-    from gateway.objects.urls import BucketUrl
+    from gateway.store.objects.urls import BucketUrl
 
 __all__ = ["PART_BYTES", "S3Store"]
 

@@ -1,4 +1,4 @@
-"""What every object store can do: keep bytes under a name, whole or not at all.
+"""The interface of object stores: bytes under a name, whole or not at all.
 
 A name never gets other bytes later: whoever writes again takes a new name. The methods block, and are used on threads.
 """

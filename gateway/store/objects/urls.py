@@ -1,4 +1,4 @@
-"""Which object store a URL names: "" the data directory, file:///folder, or s3://bucket/prefix."""
+"""URLs of object stores: "" the data directory, file:///folder, or s3://bucket/prefix."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from gateway.objects.directory import DirectoryStore
-from gateway.objects.store import ObjectStore
 from metaros.errors import ConfigError
 
-__all__ = ["BucketUrl", "check_objects_url", "open_objects"]
+__all__ = ["BucketUrl", "check_objects_url", "parse_objects_url"]
 
-FOLDER = "objects"
 FORMS = "--objects is file:///folder or s3://bucket/prefix?endpoint=https://host:port&region=name"
 OPTIONS = ("endpoint", "region")
 
@@ -36,24 +33,11 @@ class BucketUrl:
 
 def check_objects_url(url: str) -> None:
     """ConfigError when no object store is at this URL."""
-    _parsed(url)
+    parse_objects_url(url)
 
 
-def open_objects(url: str, data_dir: Path) -> ObjectStore:
-    """The object store at `url`; it is not asked for anything yet.
-
-    Raises:
-        ConfigError: the URL names none.
-    """
-    parsed = _parsed(url)
-    if isinstance(parsed, BucketUrl):
-        from gateway.objects.s3 import S3Store  # heavy, and only needed here
-
-        return S3Store(parsed)
-    return DirectoryStore(parsed if parsed is not None else data_dir / FOLDER)
-
-
-def _parsed(url: str) -> Path | BucketUrl | None:
+def parse_objects_url(url: str) -> Path | BucketUrl | None:
+    """What the URL names; None where it is empty. ConfigError when no object store is at it."""
     if not url:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Pictures of a series: buckets with their count, mean and extremes, or the few points that draw its line."""
+"""Downsampling of a series: buckets with their count, mean and extremes, or the few points that draw its line."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gateway.store.chunks import Stamps, Values
 from gateway.store.engine import Row
-from gateway.store.lttb import extremes, lttb
+from gateway.store.telemetry.chunks import Stamps, Values
+from gateway.store.telemetry.lttb import extremes, lttb
 
-__all__ = ["Buckets", "Columns", "Line", "Picture", "Span"]
+__all__ = ["BucketDownsampler", "Columns", "Downsampler", "LineDownsampler", "Span"]
 
 Counts = npt.NDArray[np.int64]
 # stamp_ms, mean, min, max, count
@@ -44,7 +44,7 @@ class Span:
         return stamps, values
 
 
-class Picture(Protocol):
+class Downsampler(Protocol):
     """Takes summaries and rows of a span, piece by piece."""
 
     width_ns: int  # a chunk that lies in one span of this width may come as its summary
@@ -60,7 +60,7 @@ class Picture(Protocol):
         """The result."""
 
 
-class Buckets:
+class BucketDownsampler:
     """Equal buckets; memory as many as there are points."""
 
     def __init__(self, span: Span) -> None:
@@ -108,7 +108,7 @@ class Buckets:
         self._high[places] = np.maximum(self._high[places], highs)
 
 
-class Line:
+class LineDownsampler:
     """The points of a span that draw its line: all rows while they are few, else extremes of short spans, then LTTB."""
 
     def __init__(self, span: Span) -> None:

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from gateway.errors import PurgedError, StoreError
-from gateway.objects import ObjectStore
 from gateway.store.engine import Row, StoreEngine, placeholders, signed, slices, unsigned
 from gateway.store.ledger import Transact, announce, doom, stored
-from gateway.store.samples import CHANNEL_COLUMNS, StoredBatch, stored_channel
-from gateway.store.segments import Packed, Segment, pack
+from gateway.store.objects import ObjectStore
+from gateway.store.telemetry.samples import CHANNEL_COLUMNS, StoredBatch, stored_channel
+from gateway.store.telemetry.segments import Packed, Segment, pack
 from metaros.clock import Clock
 
 __all__ = ["CompactPace", "Compaction", "Due"]

@@ -1,4 +1,4 @@
-"""The thread that compacts: it looks who is due, moves batches into segments, and sweeps what uploads left."""
+"""The compaction thread: finds robots that are due, moves batches into segments, and sweeps aborted uploads."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import TypeVar
 
 from gateway.errors import DamagedError, ObjectStoreError, PurgedError, StoreError
-from gateway.objects import ObjectStore
-from gateway.store.compact import Compaction, CompactPace, Due
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import sweep_objects
-from gateway.store.mark import check_mark
+from gateway.store.object_store_marker import check_marker
+from gateway.store.objects import ObjectStore
+from gateway.store.telemetry.compact import Compaction, CompactPace, Due
 from gateway.store.writer import Writer
 from metaros.clock import Clock
 
@@ -87,7 +87,7 @@ class Compactor:
         while not self._stopped.wait(wait_s):
             try:
                 engine = engine if engine is not None else self._connect()
-                wait_s = self._turn(engine)
+                wait_s = self._cycle(engine)
             except Exception as error:  # whatever it is, batches stay what is stored, and it is tried again
                 wait_s = min(self._pace.retry_most_s, max(self._pace.retry_s, 2 * wait_s))
                 self._failed(error)
@@ -106,12 +106,12 @@ class Compactor:
             log.error("compaction failed; messages stay in the database: %s", error, exc_info=not foreseen)
         self._error = str(error) or type(error).__name__
 
-    def _turn(self, engine: StoreEngine) -> float:
+    def _cycle(self, engine: StoreEngine) -> float:
         """Sweep, look, and make one segment of each robot that is due; how long to wait for the next turn."""
         begun_s = self._clock.monotonic_s()
         sweeping = begun_s - self._last_sweep_s >= self._pace.sweep_every_s
         if sweeping:
-            check_mark(engine, self.transact, self._objects, clock=self._clock)
+            check_marker(engine, self.transact, self._objects, clock=self._clock)
         if self._shared and not self.transact(self._lease):
             self._last_sweep_s = begun_s if sweeping else self._last_sweep_s
             return self._pace.look_every_s
@@ -124,7 +124,7 @@ class Compactor:
         due = self._work.due()
         look_s = self._clock.monotonic_s() - begun_s
         if due:  # into the directory of ever, not the empty one below a disk that was unmounted a moment ago
-            check_mark(engine, self.transact, self._objects, clock=self._clock)
+            check_marker(engine, self.transact, self._objects, clock=self._clock)
         moved = self._compact(self._work, due)
         # A look at a large backlog costs: no more than a tenth of the time goes into looking.
         return max(0.0 if moved else self._pace.look_every_s, 9 * look_s)

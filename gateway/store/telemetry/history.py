@@ -13,7 +13,14 @@ from typing import Any
 from gateway.domain.channel import Channel
 from gateway.domain.sample import Gap
 from gateway.store.engine import Row, StoreEngine, placeholders, signed, slices, unsigned
-from gateway.store.samples import CHANNEL_COLUMNS, RUN_COLUMNS, SampleFilter, StoredRun, stored_channel, stored_run
+from gateway.store.telemetry.samples import (
+    CHANNEL_COLUMNS,
+    RUN_COLUMNS,
+    SampleFilter,
+    StoredRun,
+    stored_channel,
+    stored_run,
+)
 
 __all__ = [
     "StoredTopic",

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from gateway.errors import CorruptObjectError, DamagedError, ObjectMissingError, PurgedError
-from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine, signed
-from gateway.store.samples import Place, StoredBatch, StoredRun
-from gateway.store.segments import open_chunk, unpack
+from gateway.store.objects import ObjectStore
+from gateway.store.telemetry.samples import ObjectLocation, StoredBatch, StoredRun
+from gateway.store.telemetry.segments import open_chunk, unpack
 from metaros.limits import LIMITS
 
 __all__ = ["RunLoader"]
@@ -57,7 +57,7 @@ class RunLoader:
                 return self._batch(run, row[0], row[1], run.first_seq, stamps, lengths, bytes(row[4]))
             for first_seq, count, *place in runs:
                 if first_seq + count >= run.first_seq + run.count:
-                    whole = self._read(engine, run, Place(*place), first_seq, count)
+                    whole = self._read(engine, run, ObjectLocation(*place), first_seq, count)
                     return whole.cut(run.first_seq, run.count)
             raise _purged(run)
         return self._read(engine, run, run.place, run.first_seq, run.count)
@@ -80,7 +80,9 @@ class RunLoader:
                 best, best_ns = run, newest_ns
         return best if max_age_ns is None or best_ns >= t_ns - max_age_ns else None
 
-    def _read(self, engine: StoreEngine, run: StoredRun, place: Place, first_seq: int, count: int) -> StoredBatch:
+    def _read(
+        self, engine: StoreEngine, run: StoredRun, place: ObjectLocation, first_seq: int, count: int
+    ) -> StoredBatch:
         """A run of a segment, as long as the segment is there."""
         try:
             records = self._records(place)
@@ -95,7 +97,7 @@ class RunLoader:
             raise CorruptObjectError(f"{place.object_name}: {error}") from None
         return self._batch(run, run.receive_ns, run.stored_ns, first_seq, stamps, lengths, payload)
 
-    def _records(self, place: Place) -> bytes:
+    def _records(self, place: ObjectLocation) -> bytes:
         """The records of the chunk that the run lies in."""
         key = (place.object_name, place.chunk_start)
         records = self._cache.get(key)

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.store.chunks import EncodedChunk, Stamps, Values, decode, encode
 from gateway.store.engine import StoreEngine, placeholders
 from gateway.store.schema import CHUNK_SAMPLES
+from gateway.store.telemetry.chunks import EncodedChunk, Stamps, Values, decode, encode
 
 __all__ = ["merge_step", "waiting_batches"]
 

@@ -13,9 +13,9 @@ import orjson
 from gateway.domain.channel import METRIC_STREAM, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap
-from gateway.store.chunks import decode
 from gateway.store.engine import Row, StoreEngine, unsigned
-from gateway.store.series import waiting_rows
+from gateway.store.telemetry.chunks import decode
+from gateway.store.telemetry.series import waiting_rows
 from metaros.link import BACKFILL_BIT
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Stored messages as they are asked for and given out: filters, runs, and a run's samples."""
+"""Queries for stored messages and their results: filters, runs, and a run's samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from metaros.link import CHANNEL_MASK
 __all__ = [
     "CHANNEL_COLUMNS",
     "RUN_COLUMNS",
-    "Place",
+    "ObjectLocation",
     "RunKey",
     "SampleFilter",
     "StoredBatch",
@@ -45,8 +45,8 @@ class SampleFilter:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where in the object store a run lies: in one chunk of one object."""
+class ObjectLocation:
+    """The location of a run in the object store: in one chunk of one object."""
 
     object_name: str
     chunk_start: int
@@ -72,7 +72,7 @@ class StoredRun:
     receive_ns: int
     stored_ns: int
     size_bytes: int
-    place: Place | None = None
+    place: ObjectLocation | None = None
 
     @property
     def last_seq(self) -> int:
@@ -168,5 +168,5 @@ def stored_run(channel: Channel, row: Row) -> StoredRun:
         receive_ns=row[7],
         stored_ns=row[8],
         size_bytes=row[9],
-        place=Place(*row[10:14]) if row[10] is not None else None,
+        place=ObjectLocation(*row[10:14]) if row[10] is not None else None,
     )

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from gateway.domain.qos import offered_qos
 from gateway.errors import CorruptObjectError
-from gateway.store.samples import StoredBatch
+from gateway.store.telemetry.samples import StoredBatch
 from metaros.mcap import MalformedChunkError, McapFile, read_chunk, read_messages
 
 __all__ = [

@@ -18,9 +18,9 @@ import numpy.typing as npt
 
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.sample import Gap
-from gateway.store.buckets import Buckets, Line, Picture, Span
-from gateway.store.chunks import TOGETHER, Stamps, Values, decode
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
+from gateway.store.telemetry.buckets import BucketDownsampler, Downsampler, LineDownsampler, Span
+from gateway.store.telemetry.chunks import TOGETHER, Stamps, Values, decode
 from metaros.link import BACKFILL_BIT
 
 __all__ = ["DAMAGED", "Method", "SeriesRange", "WaitingRows", "read_metric_gaps", "read_range", "waiting_rows"]
@@ -80,16 +80,16 @@ def read_range(
         waiting = waiting_rows(engine, robot_id)
         ranges = []
         for name in names:
-            picture: Picture = Line(span) if method == "lttb" else Buckets(span)
+            downsampler: Downsampler = LineDownsampler(span) if method == "lttb" else BucketDownsampler(span)
             find = "SELECT series FROM series JOIN robots USING (robot) WHERE id = ? AND name = ?"
             damaged: list[tuple[int, int, int]] = []
             for row in engine.fetch(find, robot_id, name):
                 reading = _Reading(engine, int(row[0]), span, waiting, damaged)
-                reading.fill(picture)
-                if picture.count <= points:
-                    picture = Line(span)  # few enough to give them all
-                    reading.fill_all(picture)
-            ranges.append(SeriesRange(name, *picture.columns(), damaged))
+                reading.fill(downsampler)
+                if downsampler.count <= points:
+                    downsampler = LineDownsampler(span)  # few enough to give them all
+                    reading.fill_all(downsampler)
+            ranges.append(SeriesRange(name, *downsampler.columns(), damaged))
         return ranges
 
 
@@ -125,29 +125,29 @@ class _Reading:
     waiting: WaitingRows
     damaged: list[tuple[int, int, int]]
 
-    def fill(self, picture: Picture) -> None:
+    def fill(self, downsampler: Downsampler) -> None:
         """Everything of the range, by summaries where they are enough."""
-        start_ns, width_ns = self.span.start_ns, picture.width_ns
+        start_ns, width_ns = self.span.start_ns, downsampler.width_ns
         inside = (start_ns, self.span.end_ns, start_ns, width_ns, start_ns, width_ns)
         touching = (self.series, start_ns, self.span.end_ns)
-        if isinstance(picture, Line):
+        if isinstance(downsampler, LineDownsampler):
             found = self.engine.fetch(_EXTREMES, *inside, *touching)
         else:
             found = self.engine.fetch(_SUMMARIES, *inside, start_ns, width_ns, *touching)
-        picture.add_summaries([row for row in found if row[0] >= 0])
-        self._fill_rows(picture, sorted(-row[0] for row in found if row[0] < 0))
+        downsampler.add_summaries([row for row in found if row[0] >= 0])
+        self._fill_rows(downsampler, sorted(-row[0] for row in found if row[0] < 0))
 
-    def fill_all(self, picture: Picture) -> None:
+    def fill_all(self, downsampler: Downsampler) -> None:
         """Every row of the range."""
         self.damaged.clear()
         numbers = self.engine.fetch(f"SELECT chunk {_TOUCHING}", self.series, self.span.start_ns, self.span.end_ns)
-        self._fill_rows(picture, sorted(row[0] for row in numbers))
+        self._fill_rows(downsampler, sorted(row[0] for row in numbers))
 
-    def _fill_rows(self, picture: Picture, chunks: Sequence[int]) -> None:
+    def _fill_rows(self, downsampler: Downsampler, chunks: Sequence[int]) -> None:
         for stamps, values in self._rows(chunks):
-            picture.add(*self.span.cut(stamps, values))
+            downsampler.add(*self.span.cut(stamps, values))
         mine = self.waiting[0] == self.series
-        picture.add(*self.span.cut(self.waiting[1][mine], self.waiting[2][mine]))
+        downsampler.add(*self.span.cut(self.waiting[1][mine], self.waiting[2][mine]))
 
     def _rows(self, chunks: Sequence[int]) -> Iterator[tuple[Stamps, Values]]:
         """The database reads the next slice while this one is decoded: each takes about as long."""

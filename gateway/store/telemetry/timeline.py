@@ -1,4 +1,4 @@
-"""How much of a robot is stored when: counts by bucket of time, from the rows' first and last stamps alone."""
+"""Density of stored data over time: counts by bucket, from the rows' first and last stamps alone."""
 
 from __future__ import annotations
 

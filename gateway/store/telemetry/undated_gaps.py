@@ -1,10 +1,10 @@
-"""Losses of which the robot did not know when: they lie between what is stored before and after them."""
+"""Gaps without times of their own: they lie between what is stored before and after them."""
 
 from __future__ import annotations
 
 from gateway.domain.sample import Gap
 from gateway.store.engine import Row, StoreEngine, unsigned
-from gateway.store.history import TopicGap
+from gateway.store.telemetry.history import TopicGap
 
 __all__ = ["undated_gaps"]
 

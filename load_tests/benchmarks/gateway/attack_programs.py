@@ -1,4 +1,6 @@
-"""Programs that mean a gateway ill, one a process: `python -m load_tests.attack_programs NAME HTTP_PORT GRPC_PORT`.
+"""Programs that attack a gateway, one a process.
+
+    python -m load_tests.benchmarks.gateway.attack_programs NAME HTTP_PORT GRPC_PORT
 
 Each goes on until it is ended, as fast as the gateway lets it, with a lower priority than the gateway and who is
 measured (`os.nice`): an attacker has machines of their own, and here all share the same cores. They come from

@@ -31,8 +31,8 @@ import numpy as np
 import psutil
 from websockets.asyncio.client import ClientConnection, connect
 
-from load_tests.attack_programs import ATTACKS
-from load_tests.bench_ingest import GATEWAY
+from load_tests.benchmarks.gateway.attack_programs import ATTACKS
+from load_tests.benchmarks.gateway.ingest import GATEWAY
 from load_tests.figures import note
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.link import pack_batch
@@ -149,7 +149,14 @@ async def _ticks() -> AsyncIterator[float]:
 @contextlib.contextmanager
 def attack(name: str, http_port: int, grpc_port: int) -> Any:
     """The attacker's process."""
-    command = [sys.executable, "-m", "load_tests.attack_programs", name, str(http_port), str(grpc_port)]
+    command = [
+        sys.executable,
+        "-m",
+        "load_tests.benchmarks.gateway.attack_programs",
+        name,
+        str(http_port),
+        str(grpc_port),
+    ]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         yield process

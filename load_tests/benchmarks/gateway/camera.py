@@ -29,8 +29,8 @@ from playwright.sync_api import Page, sync_playwright
 import metaros
 from load_tests.figures import note
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray
-from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESK
-from tests.support.stack import Program, Stack
+from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESKTOP
+from tests.support.processes.stack import Program, Stack
 from tests.support.waiting import wait_until
 
 __all__ = ["main"]
@@ -187,7 +187,7 @@ def main(argv: Sequence[str] = ()) -> int:
             executor.add_node(counted.node)
             with _spinning(executor):
                 browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-                page = browser.new_page(viewport=DESK)  # type: ignore[arg-type]
+                page = browser.new_page(viewport=DESKTOP)  # type: ignore[arg-type]
                 page.add_init_script(LISTEN)
                 rounds = [_round(stack, page, film, agent, counted, options.seconds) for _ in range(options.rounds)]
                 browser.close()

@@ -2,7 +2,7 @@
 
 Two processes, as on a robot and in a cloud: one feeds the agent's real outbox, writer and uplink, the other is the real
 gateway. A round ends when the last sample is acknowledged: synced on both sides. The outbox alone is the yardstick, as
-it is what a robot pays anyway. Then live samples are timed from the outbox's door to a viewer's socket, alone and
+it is what a robot pays anyway. Then live samples are timed from the outbox's entry to a viewer's socket, alone and
 beside durable traffic.
 
     python -m load_tests delivery [--samples 300000] [--rounds 5] [--quick]
@@ -28,9 +28,9 @@ import psutil
 
 from edge_agent.outbox import Outbox
 from load_tests.figures import note
-from tests.support.load_robot import LoadRobot, RobotConfig
-from tests.support.postgres import PostgresServer, postgres_binaries
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.robots.load_robot import LoadRobot, RobotConfig
+from tests.support.servers.postgres import PostgresServer, postgres_binaries
 from tests.support.waiting import wait_until_async
 
 __all__ = ["main"]
@@ -40,9 +40,12 @@ BURST = 512
 GOAL = 150_000
 BEHIND_BYTES = 8 * 1024 * 1024  # what may wait for the feeder's disk
 LIVE_EVERY_S = 0.002
-GATEWAY = (
-    "import typer; from gateway.cli import register; a = typer.Typer(); a.callback()(lambda: None); register(a); a()"
-)
+GATEWAY = """import typer
+from gateway.cli.gateway import register
+app = typer.Typer()
+app.callback()(lambda: None)
+register(app)
+app()"""
 
 
 class Feeder(LoadRobot):
@@ -127,7 +130,15 @@ def feed(arguments: list[str]) -> int:
 
 def feeder(folder: Path, gateway: str, *what: object) -> subprocess.Popen[str]:
     """Start the feeder."""
-    command = [sys.executable, "-m", "load_tests.bench_delivery", "--feed", str(folder), gateway, *map(str, what)]
+    command = [
+        sys.executable,
+        "-m",
+        "load_tests.benchmarks.gateway.delivery",
+        "--feed",
+        str(folder),
+        gateway,
+        *map(str, what),
+    ]
     quiet = {**os.environ, "GRPC_VERBOSITY": "ERROR"}
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=quiet)
 
@@ -190,7 +201,7 @@ def finish(process: subprocess.Popen[str]) -> dict[str, float]:
 
 
 def live_round(seconds: float, durable_per_s: int) -> list[float]:
-    """Milliseconds from the outbox's door to a viewer, of every live sample after the first half second."""
+    """Milliseconds from the outbox's entry to a viewer, of every live sample after the first half second."""
     late: list[float] = []
     with tempfile.TemporaryDirectory(prefix="bench-delivery-") as name:
         folder = Path(name)

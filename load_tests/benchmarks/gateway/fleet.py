@@ -28,10 +28,10 @@ from typing import Any, Final
 
 from load_tests.fleet.bulk import bulk
 from load_tests.fleet.chaos import chaos
-from load_tests.fleet.crowd import TRANSPORTS
 from load_tests.fleet.growth import growth
 from load_tests.fleet.load import Load
 from load_tests.fleet.run import Setting
+from load_tests.fleet.simulator import TRANSPORTS
 from load_tests.fleet.steady import steady
 from load_tests.fleet.storm import storm
 from load_tests.fleet.transports import transports

@@ -55,7 +55,7 @@ async def _engine_round(folder: Path, code: Path, calls: int, rows: Rows, more: 
 
 
 def _gateway_round(functions: Functions, calls: int, rows: Rows) -> None:
-    request, event = functions.door("request"), functions.door("event")
+    request, event = functions.endpoint("request"), functions.endpoint("event")
     call_one_by_one(request, 20)
     rows["gateway, REST"].append(call_one_by_one(request, calls))
     rows[f"gateway, REST, {PARALLEL} clients"].append(call_in_parallel(request, PARALLEL, calls // PARALLEL))
@@ -67,10 +67,10 @@ def _gateway_round(functions: Functions, calls: int, rows: Rows) -> None:
 
 
 def _rie_round(code: Path, calls: int, rows: Rows) -> None:
-    with running_rie(code, "app.handler") as door:
-        call_one_by_one(door, 20)
-        rows["AWS RIE"].append(call_one_by_one(door, calls))
-        rows[f"AWS RIE, {PARALLEL} clients"].append(call_in_parallel(door, PARALLEL, 10))
+    with running_rie(code, "app.handler") as endpoint:
+        call_one_by_one(endpoint, 20)
+        rows["AWS RIE"].append(call_one_by_one(endpoint, calls))
+        rows[f"AWS RIE, {PARALLEL} clients"].append(call_in_parallel(endpoint, PARALLEL, 10))
 
 
 def _show(rows: Rows, more: dict[str, list[float]]) -> None:

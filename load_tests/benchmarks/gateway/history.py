@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from gateway.store.chunks import EncodedChunk, encode
 from gateway.store.engine import StoreEngine, placeholders
 from gateway.store.engines import open_engine
 from gateway.store.schema import CHUNK_SAMPLES
-from gateway.store.series import Method, read_range
+from gateway.store.telemetry.chunks import EncodedChunk, encode
+from gateway.store.telemetry.series import Method, read_range
 from load_tests.figures import note
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 __all__ = ["Figures", "fill", "main", "measure"]
 

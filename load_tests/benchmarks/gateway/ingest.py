@@ -3,7 +3,7 @@
 A gateway process, and in this process robots that keep a window of batches in flight over real gRPC. A run ends when
 the last batch is acknowledged, that is, after its commit was synced. CPU is the gateway's own.
 
-    python -m load_tests.bench_ingest [--robots 4] [--seconds 3] [--rounds 5]
+    python -m load_tests ingest [--robots 4] [--seconds 3] [--rounds 5]
 """
 
 from __future__ import annotations
@@ -29,9 +29,12 @@ from metaros._proto import link_pb2, link_pb2_grpc
 
 WINDOW = 64
 EPOCH = 1
-GATEWAY = (
-    "import typer; from gateway.cli import register; a = typer.Typer(); a.callback()(lambda: None); register(a); a()"
-)
+GATEWAY = """import typer
+from gateway.cli.gateway import register
+app = typer.Typer()
+app.callback()(lambda: None)
+register(app)
+app()"""
 
 
 class Robot:

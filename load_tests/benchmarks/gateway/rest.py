@@ -28,12 +28,12 @@ from pathlib import Path
 from typing import Any
 
 from gateway.domain.principal import Role
-from gateway.heap import settle_heap
 from gateway.identity.keys import KeyRequest, create_key
 from gateway.main import Ready, new_event_loop
+from gateway.server.garbage_collector import tune_garbage_collector
 from gateway.store.engines import open_engine
+from load_tests.benchmarks.gateway.rest_client import WARM
 from load_tests.figures import note
-from load_tests.rest_client import WARM
 from metaros.limits import LIMITS
 from tests.gateway.harness import client, running_gateway
 
@@ -114,7 +114,7 @@ async def _ask(ready: Ready, keys: list[str], chosen: argparse.Namespace, kind: 
         "conditional": conditional,
         "paths": [f"/api/v1/robots?limit=100&after={start}{query}" for start in starts],
     }
-    program, text = [sys.executable, "-m", "load_tests.rest_client"], json.dumps(asked).encode()
+    program, text = [sys.executable, "-m", "load_tests.benchmarks.gateway.rest_client"], json.dumps(asked).encode()
     before_s = time.process_time()
     async with _pauses() as pauses:
         done = await asyncio.to_thread(subprocess.run, program, input=text, stdout=subprocess.PIPE, check=True)
@@ -137,10 +137,16 @@ async def _measure(chosen: argparse.Namespace) -> dict[str, list[Round]]:
     with tempfile.TemporaryDirectory() as folder:
         keys = await asyncio.to_thread(_fill, Path(folder), chosen.robots, min(chosen.clients, LIMITS.keys_per_user))
         async with running_gateway(Path(folder)) as ready, client(ready) as http:
-            settle_heap()  # as `metaros gateway` does
+            tune_garbage_collector()  # as `metaros gateway` does
             listed = await http.get("/api/v1/robots", params={"fields": "id"})
             assert len(listed.json()["robots"]) == chosen.robots
-            program = [sys.executable, "-m", "load_tests.twin_robots", str(ready.grpc_port), str(chosen.online)]
+            program = [
+                sys.executable,
+                "-m",
+                "load_tests.benchmarks.gateway.twin_robots",
+                str(ready.grpc_port),
+                str(chosen.online),
+            ]
             robots = await asyncio.create_subprocess_exec(*program, stdout=asyncio.subprocess.PIPE)
             try:
                 assert robots.stdout is not None

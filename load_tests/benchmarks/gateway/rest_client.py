@@ -1,6 +1,7 @@
 """Many HTTP clients in one process, each with one connection that asks again as soon as it has its answer.
 
-    python -m load_tests.rest_client < JSON     {"port", "keys", "paths", "clients", "seconds", "conditional"}
+    python -m load_tests.benchmarks.gateway.rest_client < JSON
+    {"port", "keys", "paths", "clients", "seconds", "conditional"}
 
 Prints JSON: median and 99th percentile in seconds, number and bytes of what was asked for in the last four fifths of
 the time, answers by status, how many there were in all, and the share of a core that this process took: near 1 it is

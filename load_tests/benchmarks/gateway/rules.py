@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from load_tests.figures import note
-from metaros.rules.index import PatternIndex
-from metaros.rules.pattern import Pattern, compile_pattern
+from metaros.automation.rules.index import PatternIndex
+from metaros.automation.rules.pattern import Pattern, compile_pattern
 
 __all__ = ["Figures", "events", "main", "measure", "moto_us", "rules"]
 

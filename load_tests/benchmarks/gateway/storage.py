@@ -31,20 +31,20 @@ import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 import metaros
-from edge_agent.channels import Channel as AgentChannel
-from edge_agent.channels import Channels
+from edge_agent.config.topic_table import DEFAULT_TOPICS, TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel as AgentChannel
+from edge_agent.forwarding.channels import Channels
 from edge_agent.outbox import OsDisk
 from edge_agent.outbox.ids import IdLog
-from edge_agent.topics import DEFAULT_TOPICS, TopicRule, TopicTable
 from gateway.domain.channel import METRIC_STREAM, Channel, Series
 from gateway.domain.sample import Rows, Run
-from gateway.objects import DirectoryStore
 from gateway.store import StreamWrite
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction
 from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
-from gateway.store.merge import merge_step
+from gateway.store.objects import DirectoryStore
+from gateway.store.telemetry.compact import Compaction
+from gateway.store.telemetry.merge import merge_step
 from load_tests.figures import note
 from metaros.cdr import codec
 from metaros.clock import SystemClock

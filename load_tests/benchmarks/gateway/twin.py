@@ -25,7 +25,7 @@ import httpx
 from gateway.domain.principal import Role
 from load_tests.figures import note
 from tests.gateway.harness import RING, client, running_gateway
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 __all__ = ["main"]
 
@@ -62,7 +62,13 @@ async def _measure(count: int, rounds: int, *, url: str) -> list[tuple[float, fl
     key = RING.add(role=Role.ADMIN, name="bench")
     with tempfile.TemporaryDirectory() as folder:
         async with running_gateway(Path(folder), store_url=url) as ready, client(ready, key=key) as http:
-            program = [sys.executable, "-m", "load_tests.twin_robots", str(ready.grpc_port), str(count)]
+            program = [
+                sys.executable,
+                "-m",
+                "load_tests.benchmarks.gateway.twin_robots",
+                str(ready.grpc_port),
+                str(count),
+            ]
             robots = await asyncio.create_subprocess_exec(*program, stdout=asyncio.subprocess.PIPE)
             try:
                 began = time.perf_counter()

@@ -1,6 +1,6 @@
 """Many robots in one process, as far as their twins go: three lanes each over shared gRPC channels, real frames.
 
-    python -m load_tests.twin_robots PORT COUNT
+    python -m load_tests.benchmarks.gateway.twin_robots PORT COUNT
 
 Prints `up` once every lane is open, and `revision N` whenever all robots live by revision N and have it confirmed.
 """
@@ -14,7 +14,7 @@ from typing import Any
 import grpc
 
 from metaros._proto import link_pb2, link_pb2_grpc
-from metaros.twin import digest
+from metaros.fleet.twin import digest
 
 __all__ = ["main"]
 

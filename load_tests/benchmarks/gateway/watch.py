@@ -1,4 +1,4 @@
-"""What watching costs: 10,000 series at 1 Hz through log, judge and desk; and what the event loop notices of it.
+"""What watching costs: 10,000 series at 1 Hz from the log to alerts; and what the event loop notices of it.
 
     python -m load_tests watch [--seconds 120] [--robots 400] [--series 25]
 
@@ -20,14 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.alerts.desk import AlertDesk
+from gateway.alerting.alerts.manager import AlertManager
+from gateway.alerting.watch.watch import Watch
 from gateway.domain.channel import Series
 from gateway.domain.finding import Edge, Finding
 from gateway.domain.sample import Rows
 from gateway.store import Store
 from gateway.store.retention import Retention
 from gateway.store.writes import Committed, Mark, StreamWrite
-from gateway.watch.watch import Watch
 from load_tests.figures import note
 from metaros.clock import ManualClock, SystemClock
 
@@ -111,10 +111,10 @@ async def measure(folder: Path, options: argparse.Namespace) -> list[Row]:
         folder, clock=SystemClock(), retention=Retention(age_s=86_400.0, size_bytes=1 << 40), queue_bytes=64 << 20
     )
     store.start()
-    desk = AlertDesk(store, clock=clock)
-    await desk.start()
-    running = asyncio.create_task(desk.run())
-    watch = made(folder, store, clock, desk)
+    alert_manager = AlertManager(store, clock=clock)
+    await alert_manager.start()
+    running = asyncio.create_task(alert_manager.run())
+    watch = made(folder, store, clock, alert_manager)
     await watch.start()
     await watch.begin()
     fleet = Fleet(options.robots, options.series, start_ns=clock.wall_ns())
@@ -123,23 +123,23 @@ async def measure(folder: Path, options: argparse.Namespace) -> list[Row]:
     await asyncio.sleep(1.0)
     idle = await held.row("event loop, nothing else running")
     rows = await steady(watch, fleet, clock, held, options.seconds)
-    rows += await bursts(watch, desk, clock, held)
+    rows += await bursts(watch, alert_manager, clock, held)
     held.stop()
-    rows += await again(watch, folder, store, clock, desk)
+    rows += await again(watch, folder, store, clock, alert_manager)
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)
-    await desk.close()
+    await alert_manager.close()
     await store.close()
     return [idle, *rows]
 
 
-def made(folder: Path, store: Store, clock: ManualClock, desk: AlertDesk) -> Watch:
+def made(folder: Path, store: Store, clock: ManualClock, alert_manager: AlertManager) -> Watch:
     """The watch, as the gateway wires it."""
 
     async def no_clip(alert: object) -> object:
         raise AssertionError("nobody asks for a clip here")
 
-    return Watch(folder / "watch", store, clock=clock, tell=desk.tell, clip=no_clip)  # type: ignore[arg-type]
+    return Watch(folder / "watch", store, clock=clock, report=alert_manager.report, clip=no_clip)  # type: ignore[arg-type]
 
 
 async def steady(watch: Watch, fleet: Fleet, clock: ManualClock, held: Held, seconds: int) -> list[Row]:
@@ -153,8 +153,8 @@ async def steady(watch: Watch, fleet: Fleet, clock: ManualClock, held: Held, sec
         began_s = time.process_time()
         await committed(watch, writes)
         for robot in fleet.names:
-            watch.facts.heard(robot)
-        await watch.turn()
+            watch.facts.heartbeat(robot)
+        await watch.run_cycle()
         costs.append(time.process_time() - began_s)
     core = float(np.median(costs[seconds // 3 :]))
     note("10,000 series at 1 Hz", [100 * cost for cost in costs[seconds // 3 :]])
@@ -162,25 +162,25 @@ async def steady(watch: Watch, fleet: Fleet, clock: ManualClock, held: Held, sec
     state = watch.describe()
     return [
         (f"{count:,} series at 1 Hz", f"{100 * core:.1f} % of a core", core <= GOAL_CORE),
-        ("a row, log, judge and desk", f"{1e6 * core / count:.2f} µs", True),
+        ("a row, from the log to alerts", f"{1e6 * core / count:.2f} µs", True),
         ("the worst second", f"{1e3 * max(costs):.0f} ms", True),
         await held.row("event loop meanwhile"),
         ("log", f"{state['log_bytes'] / seconds / count:.1f} bytes a row", True),
     ]
 
 
-async def bursts(watch: Watch, desk: AlertDesk, clock: ManualClock, held: Held) -> list[Row]:
+async def bursts(watch: Watch, alert_manager: AlertManager, clock: ManualClock, held: Held) -> list[Row]:
     """A robot that brings very many series, and very many findings at once."""
     await held.row("")
     newcomer = Fleet(1, NEW_SERIES, start_ns=clock.wall_ns(), name="newcomer")
     for _ in range(3):
         clock.advance(1.0)
         await committed(watch, await asyncio.to_thread(newcomer.writes))
-        await watch.turn()
+        await watch.run_cycle()
     new = await held.row(f"{NEW_SERIES:,} new series of one robot")
     edges = await asyncio.to_thread(edges_of, clock.wall_ns() / 1e9)
     await held.row("")
-    await watch.tell_all(edges)
+    await watch.report_all(edges)
     await asyncio.sleep(3.0)  # they are stored, and listeners told
     return [new, await held.row(f"{FINDINGS:,} findings at once")]
 
@@ -196,11 +196,11 @@ def edges_of(now_s: float) -> list[Edge]:
     ]  # fmt: skip
 
 
-async def again(watch: Watch, folder: Path, store: Store, clock: ManualClock, desk: AlertDesk) -> list[Row]:
+async def again(watch: Watch, folder: Path, store: Store, clock: ManualClock, alert_manager: AlertManager) -> list[Row]:
     """A snapshot, and what a start from it and its log costs."""
     before = watch.describe()
     await watch.close()
-    second = made(folder, store, clock, desk)
+    second = made(folder, store, clock, alert_manager)
     began_s, worked_s = time.perf_counter(), time.process_time()
     await second.start()
     started_s = time.perf_counter() - began_s

@@ -1,6 +1,6 @@
 """What `metaros broker` forwards and bridges, beside a plain `zmq.proxy` in the same run.
 
-    python -m load_tests.bench_broker [--rounds 5] [--seconds 1.0]
+    python -m load_tests broker [--rounds 5] [--seconds 1.0]
 
 Publisher, hub and reader are processes of their own on this host. The publisher says `/bench {"data": "…"}` as fast as
 it can; counted is what the reader gets. `proxy` and `hub` are ZeroMQ to ZeroMQ, through a plain `zmq.proxy` and through
@@ -58,7 +58,7 @@ def _once(mode: str, size: int, seconds: float) -> float:
     running = []
     try:
         for role in roles:
-            command = [sys.executable, "-m", "load_tests.bench_broker", "--role", role, "--ports", *ports]
+            command = [sys.executable, "-m", "load_tests.benchmarks.library.broker", "--role", role, "--ports", *ports]
             command += ["--size", str(size), "--seconds", str(seconds)]
             running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
             if role in ("proxy", "broker"):

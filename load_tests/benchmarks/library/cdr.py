@@ -1,6 +1,6 @@
 """Encode and decode times of our CDR codec beside rosbags, in one process and in alternating rounds.
 
-    python -m load_tests.bench_cdr [--rounds 7]
+    python -m load_tests cdr [--rounds 7]
 
 Each figure is the median over the rounds of the mean time of a call, in microseconds. Both sides handle the same
 message contents and the bytes are compared before anything is timed.

@@ -1,6 +1,6 @@
 """The fair executor's real shares and a critical node's timer beside them, with the default executor for comparison.
 
-    python -m load_tests.bench_executor [--seconds 10]
+    python -m load_tests executor [--seconds 10]
 
 Three nodes compute without pause, at nice -5, 0 and 5. A fourth has a 100 Hz timer; measured is how far each call is
 from when it was due. On the fair executor that node is critical; on the default one it shares the thread. Then the same
@@ -38,7 +38,7 @@ def run(*, seconds: float) -> dict[tuple[str, str], dict[str, Any]]:
     found = {}
     for burst in BURST_S:
         for kind in ("fair", "default"):
-            command = [sys.executable, "-m", "load_tests.bench_executor", "--seconds", str(seconds)]
+            command = [sys.executable, "-m", "load_tests.benchmarks.library.executor", "--seconds", str(seconds)]
             done = subprocess.run([*command, "--role", kind, "--burst", burst], stdout=subprocess.PIPE, check=True)
             found[kind, burst] = json.loads(done.stdout)
     return found

@@ -25,11 +25,11 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+from load_tests.benchmarks.library.lidar_processes import PACKETS_A_S, POINTS_A_S
 from load_tests.figures import note
-from load_tests.lidar_ends import PACKETS_A_S, POINTS_A_S
 from metaros.drivers.vlp16.packets import ELEVATIONS_DEG
-from metaros.drivers.vlp16.turns import TurnCutter, decode
-from tests.support.vlp16_emulator import Vlp16Emulator
+from metaros.drivers.vlp16.revolutions import RevolutionSplitter, decode
+from tests.support.devices.vlp16_emulator import Vlp16Emulator
 
 __all__ = ["main"]
 
@@ -41,7 +41,7 @@ Parser = Callable[[Sequence[bytes]], int]
 
 def by_the_driver(packets: Sequence[bytes]) -> int:
     """As the driver does it; how many points."""
-    cutter, points = TurnCutter(), 0
+    cutter, points = RevolutionSplitter(), 0
     for number, packet in enumerate(packets):
         turn = cutter.add(packet, number * 1_327_104)
         if turn is not None:
@@ -115,7 +115,7 @@ class _End:
     """One of the processes."""
 
     def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "-m", "load_tests.lidar_ends", *arguments]
+        command = [sys.executable, "-m", "load_tests.benchmarks.library.lidar_processes", *arguments]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.ready = self.line()
 
@@ -125,8 +125,8 @@ class _End:
 
     def finish(self) -> dict[str, Any]:
         """Tell it to end; its figures."""
-        told, _ = self.process.communicate("stop\n", timeout=PATIENCE_S)
-        return dict(json.loads(told.splitlines()[-1]))
+        reported, _ = self.process.communicate("stop\n", timeout=PATIENCE_S)
+        return dict(json.loads(reported.splitlines()[-1]))
 
     def kill(self) -> None:
         if self.process.poll() is None:

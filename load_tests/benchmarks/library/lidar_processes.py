@@ -1,4 +1,4 @@
-"""The three processes of `bench_lidar`: the lidar (`send`), the driver (`drive`) and a local subscriber (`count`).
+"""The processes of the benchmark `lidar`: the lidar (`send`), the driver (`drive`) and a local subscriber (`count`).
 
 Each says a JSON line when it is ready and one at its end; `drive` and `count` end by a line on stdin.
 """
@@ -19,7 +19,7 @@ from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
 from metaros.interfaces.sensor_msgs.msg import PointCloud2
 from metaros.wire import qos_reliable_all
-from tests.support.vlp16_emulator import Vlp16Emulator
+from tests.support.devices.vlp16_emulator import Vlp16Emulator
 
 __all__ = ["PACKETS_A_S", "POINTS_A_S", "main"]
 
@@ -28,7 +28,7 @@ POINTS_A_S = PACKETS_A_S * 384
 _BEGIN_S = 0.3
 
 
-def _tell(**facts: Any) -> None:
+def _report(**facts: Any) -> None:
     print(json.dumps(facts), flush=True)
 
 
@@ -36,7 +36,7 @@ def _send(port: int, seconds: float) -> None:
     """Full rate, by the clock."""
     emulator = Vlp16Emulator()
     packets = [emulator.packet() for _ in range(round(seconds * PACKETS_A_S))]
-    _tell(ready=True)
+    _report(ready=True)
     begin_s = time.perf_counter() + _BEGIN_S
     late_s = 0.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
@@ -47,7 +47,7 @@ def _send(port: int, seconds: float) -> None:
                 time.sleep(wait_s)
             late_s = max(late_s, -wait_s)
             wire.sendto(packet, ("127.0.0.1", port))
-    _tell(packets=len(packets), seconds=time.perf_counter() - begin_s, latest_ms=late_s * 1000)
+    _report(packets=len(packets), seconds=time.perf_counter() - begin_s, latest_ms=late_s * 1000)
 
 
 def _drive(endpoint: str) -> None:
@@ -68,10 +68,10 @@ def _drive(endpoint: str) -> None:
             time.sleep(0.01)
         time.sleep(_BEGIN_S)
         cpu_s = time.process_time()
-        _tell(port=int(node.standing.facts["udp_port"]))
+        _report(port=int(node.standing.facts["udp_port"]))
         sys.stdin.readline()
         cpu_s = time.process_time() - cpu_s
-        _tell(cpu_s=cpu_s, counters=dict(node.standing.counters), buffer=node.standing.facts["receive_buffer_bytes"])
+        _report(cpu_s=cpu_s, counters=dict(node.standing.counters), buffer=node.standing.facts["receive_buffer_bytes"])
         node.stop()
         executor.shutdown()
 
@@ -80,17 +80,17 @@ def _count(endpoint: str) -> None:
     """Every cloud, decoded."""
     clouds = points = 0
 
-    def heard(cloud: PointCloud2) -> None:
+    def received(cloud: PointCloud2) -> None:
         nonlocal clouds, points
         clouds += 1
         points += cloud.width
 
     with metaros.Context(listen=endpoint) as context:
         node = metaros.Node("counter", context=context)
-        node.create_subscription(PointCloud2, "/bench/points", heard, qos_reliable_all, dedicated=True)
-        _tell(ready=True)
+        node.create_subscription(PointCloud2, "/bench/points", received, qos_reliable_all, dedicated=True)
+        _report(ready=True)
         sys.stdin.readline()
-        _tell(clouds=clouds, points=points)
+        _report(clouds=clouds, points=points)
 
 
 def main(argv: Sequence[str] = ()) -> int:

@@ -1,6 +1,6 @@
 """Resident memory of a publisher and a subscriber over an hour of 1 kHz, sent as fast as it goes.
 
-    python -m load_tests.bench_memory [--messages 3600000] [--images 100000]
+    python -m load_tests memory [--messages 3600000] [--images 100000]
 
 Two processes, linked directly. Each looks at its own resident size some twenty times; the first quarter is warm-up,
 over the rest a straight line is laid. Flat is a slope of about nothing. `typed` are messages of an annotated class,
@@ -100,7 +100,7 @@ def run(kind: str, total: int) -> dict[str, list[int]]:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{listener.getsockname()[1]}"
-    command = [sys.executable, "-m", "load_tests.bench_memory", "--kind", kind, "--endpoint", endpoint]
+    command = [sys.executable, "-m", "load_tests.benchmarks.library.memory", "--kind", kind, "--endpoint", endpoint]
     command += ["--messages", str(total), "--role"]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen([*command, "sub"], **pipes) as sub, subprocess.Popen([*command, "pub"], **pipes) as pub:

@@ -1,6 +1,6 @@
 """Publish and receive against raw eclipse-zenoh, between two processes over loopback, peer to peer.
 
-    python -m load_tests.bench_pubsub [--rounds 5] [--seconds 1.0] [--sizes 64,1024,65536,1048576]
+    python -m load_tests pubsub [--rounds 5] [--seconds 1.0] [--sizes 64,1024,65536,1048576]
 
 Raw is `put(bytes)` with an attachment of 33 bytes to `payload.to_bytes()` in eclipse-zenoh's default callback. Typed is
 `publish(message)` (encode, attachment) to a callback that gets the decoded message with its sequence checked: `shared`
@@ -60,7 +60,15 @@ def run(rows: Sequence[Row], *, rounds: int, seconds: float) -> dict[Row, list[d
 
 def _once(row: Row, seconds: float) -> dict[str, float]:
     """Two processes, linked directly."""
-    command = [sys.executable, "-m", "load_tests.pubsub_ends", "--path", row.path, "--size", str(row.size)]
+    command = [
+        sys.executable,
+        "-m",
+        "load_tests.benchmarks.library.pubsub_processes",
+        "--path",
+        row.path,
+        "--size",
+        str(row.size),
+    ]
     command += ["--seconds", str(seconds), "--endpoint", _free_endpoint(), *(["--shm"] if row.shm else [])]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     roles = ("echo", "ping") if row.trips else ("count", "flood")

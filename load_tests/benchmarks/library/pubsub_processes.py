@@ -1,4 +1,4 @@
-"""The two processes of `bench_pubsub`: one end publishes flat out or echoes, the other counts or times round trips.
+"""The processes of the benchmark `pubsub`: one publishes flat out or echoes, the other counts or times round trips.
 
 Each prints one JSON line at its end; the process that started them reads it.
 """
@@ -102,7 +102,7 @@ class OurEnd:
             self._spinning = True
 
 
-def _tell(**figures: object) -> None:
+def _report(**figures: object) -> None:
     print(json.dumps(figures), flush=True)
     os._exit(0)  # a flooded session need not be taken down tidily
 
@@ -122,7 +122,7 @@ def _count(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
     before, start_s, cpu_s = count, time.perf_counter(), time.process_time()
     time.sleep(seconds)
     done, used_s = count - before, time.process_time() - cpu_s
-    _tell(
+    _report(
         rate=done / (time.perf_counter() - start_s),
         cpu_us=used_s / max(1, done) * 1e6,
         threads=len(list(Path("/proc/self/task").iterdir())) if sys.platform == "linux" else threading.active_count(),
@@ -131,14 +131,14 @@ def _count(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
 
 def _flood(end: RawEnd | OurEnd, size: int) -> None:
     """Until told to stop."""
-    send, count, told = end.sender("bench/there", size), 0, threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.readline(), told.set()), daemon=True).start()
+    send, count, reported = end.sender("bench/there", size), 0, threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.readline(), reported.set()), daemon=True).start()
     cpu_s = time.process_time()
-    while not told.is_set():
+    while not reported.is_set():
         for _ in range(100 if size <= _SMALL else 1):
             send()
             count += 1
-    _tell(cpu_us=(time.process_time() - cpu_s) / count * 1e6)
+    _report(cpu_us=(time.process_time() - cpu_s) / count * 1e6)
 
 
 def _echo(end: RawEnd | OurEnd, size: int) -> None:
@@ -167,7 +167,7 @@ def _ping(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
         send()
         back.wait(1.0)
     figures = statistics.quantiles(trips[len(trips) // 10 :], n=100)
-    _tell(p50_us=figures[49] * 1e6, p99_us=figures[98] * 1e6)
+    _report(p50_us=figures[49] * 1e6, p99_us=figures[98] * 1e6)
 
 
 def main(argv: Sequence[str] = ()) -> int:

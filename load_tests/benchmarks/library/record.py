@@ -139,7 +139,15 @@ def record(folder: Path, size: int, rate_hz: float, seconds: float) -> dict[str,
         free.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
     context = metaros.Context(domain_id=0, connect=[], listen=endpoint)
-    command = [sys.executable, "-m", "load_tests.bench_record", "--role", "publish", "--endpoint", endpoint]
+    command = [
+        sys.executable,
+        "-m",
+        "load_tests.benchmarks.library.record",
+        "--role",
+        "publish",
+        "--endpoint",
+        endpoint,
+    ]
     target = folder / "run.mcap"
     with context:
         recorder = Recorder(context, target, topics=["/bench"])

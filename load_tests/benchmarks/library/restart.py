@@ -1,6 +1,6 @@
 """`kill -9` of a supervised node: how long until its replacement's first message.
 
-    python -m load_tests.bench_restart [--kills 30] [--cold]
+    python -m load_tests restart [--kills 30] [--cold]
 
 A real `metaros launch` keeps a light node (one text topic), a node with arrays, which loads numpy, and the floor: bare
 Python with eclipse-zenoh, no node at all. They are killed in turn, each when its replacement has settled; the time is
@@ -101,7 +101,7 @@ class Ears:
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
         config.insert_json5("scouting/multicast/enabled", "false")
-        self._heard: dict[str, tuple[int, float]] = {}
+        self._received: dict[str, tuple[int, float]] = {}
         self._news = threading.Condition()
         self._session = zenoh.open(config)
         self._subscribers = [
@@ -116,16 +116,16 @@ class Ears:
             return
         pid = int(found[1])
         with self._news:
-            if self._heard.get(name, (0, 0.0))[0] != pid:
-                self._heard[name] = (pid, now)
+            if self._received.get(name, (0, 0.0))[0] != pid:
+                self._received[name] = (pid, now)
                 self._news.notify_all()
 
     def other(self, name: str, than: int) -> tuple[int, float]:
         """Wait for another process on the topic: its id, and when its first message came."""
         with self._news:
-            if not self._news.wait_for(lambda: self._heard.get(name, (than, 0.0))[0] != than, _PATIENCE_S):
+            if not self._news.wait_for(lambda: self._received.get(name, (than, 0.0))[0] != than, _PATIENCE_S):
                 raise TimeoutError(f"no replacement of {name} was heard within {_PATIENCE_S:.0f} s")
-            return self._heard[name]
+            return self._received[name]
 
     def close(self) -> None:
         """Hear no more."""
@@ -162,8 +162,8 @@ def _measure(port: int, kills: int, launcher: subprocess.Popen[bytes], log: Path
                 time.sleep(_SETTLE_S)
                 killed = time.perf_counter()
                 os.kill(pids[name], signal.SIGKILL)
-                pids[name], heard = ears.other(name, pids[name])
-                times[name].append(heard - killed)
+                pids[name], received = ears.other(name, pids[name])
+                times[name].append(received - killed)
     finally:
         ears.close()
     return times

@@ -1,6 +1,6 @@
 """Service round trips and action goals against raw eclipse-zenoh queries, between two processes over loopback.
 
-    python -m load_tests.bench_service [--rounds 5] [--seconds 1.0]
+    python -m load_tests service [--rounds 5] [--seconds 1.0]
 
 Raw is `session.get(payload)` to a default-callback queryable that replies with bytes of the same size, without
 attachments, decoding or a graph. Ours is `client.call(AddTwoInts.Request)` to a service on the default executor, and
@@ -62,7 +62,15 @@ def _once(mode: str, seconds: float) -> Figures:
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{listener.getsockname()[1]}"
-    command = [sys.executable, "-m", "load_tests.bench_service", "--seconds", str(seconds), "--endpoint", endpoint]
+    command = [
+        sys.executable,
+        "-m",
+        "load_tests.benchmarks.library.service",
+        "--seconds",
+        str(seconds),
+        "--endpoint",
+        endpoint,
+    ]
     kind = mode.split(" ")[0]
     with subprocess.Popen([*command, "--serve", kind], stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None

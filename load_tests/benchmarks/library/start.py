@@ -1,6 +1,6 @@
 """How long programs take to start, and what of the processor, as multiples of `python -c pass` in the same rounds.
 
-    python -m load_tests.bench_start [--rounds 7] [--tree DIR] [--only NAME …]
+    python -m load_tests start [--rounds 7] [--tree DIR] [--only NAME …]
 
 `--tree` starts the programs of another copy of this repository as well, turn about with these: what a change makes of
 them. A copy with a `.venv` of its own is run by that one's Python. The first round compiles modules and counts for
@@ -27,7 +27,7 @@ from tests.support.ports import free_port
 
 __all__ = ["PROGRAMS", "Tree", "main", "measure", "wait_for"]
 
-HERE = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parents[3]
 FLOOR = "python -c pass"
 WALL, CPU = 0, 1
 PATIENCE_S = 120.0

@@ -1,6 +1,6 @@
 """How late timers are called, per executor, on a node with nothing else to do.
 
-    python -m load_tests.bench_timer [--seconds 3] [--rounds 3]
+    python -m load_tests timer [--seconds 3] [--rounds 3]
 
 Lateness is from the time a call was due to the first line of the callback; drift would add up and show. Rounds are
 interleaved, the figures are medians over the rounds.

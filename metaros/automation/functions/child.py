@@ -1,4 +1,4 @@
-"""A worker and its keeper, from the fork on: the keeper builds the room and ends everything in it with the worker.
+"""A worker and its init process, from the fork on: init builds the sandbox and ends everything in it with the worker.
 
 This runs in the fork server's child: one thread, nothing of the gateway in memory, and no way back.
 """
@@ -15,18 +15,18 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from metaros.functions.sandbox import identity
-from metaros.functions.sandbox.libc import PR_SET_CHILD_SUBREAPER, PR_SET_PDEATHSIG, prctl
-from metaros.functions.sandbox.room import L3, Room, build, shut
+from metaros.automation.functions.sandbox import identity
+from metaros.automation.functions.sandbox.isolation import L3, SandboxLayout, build, confine
+from metaros.automation.functions.sandbox.libc import PR_SET_CHILD_SUBREAPER, PR_SET_PDEATHSIG, prctl
 
-__all__ = ["Watched", "keep", "run_entry", "set_surroundings", "tell"]
+__all__ = ["SignalPipe", "run_entry", "run_init", "set_surroundings", "tell"]
 
 PATH = "/usr/local/bin:/usr/bin:/bin"
 PROXIES = ("HTTPS_PROXY", "HTTP_PROXY", "https_proxy", "http_proxy")
 
 
-class Watched:
-    """A keeper's signals, as bytes of a pipe: so one that comes just before it begins to wait ends that wait, too.
+class SignalPipe:
+    """The init process's signals as bytes of a pipe: one that comes just before a wait begins ends that wait, too.
 
     (A handler in Python runs between two steps of the interpreter: of a `recv` that was as good as begun, after it.)
     """
@@ -52,7 +52,7 @@ class Watched:
         os.close(self._comes)
 
     def wait(self, worker: int, control: socket.socket) -> None:
-        """Return when the worker has ended, which is told, the gateway lets go, or the keeper is to end."""
+        """Return when the worker has ended, which is reported, the gateway lets go, or init is to end."""
         if sys.platform != "linux":
             raise NotImplementedError
         poll = select.poll()
@@ -78,29 +78,29 @@ def tell(control: socket.socket, message: dict[str, Any], *files: int) -> bool:
     return True
 
 
-def keep(request: dict[str, Any], control: socket.socket, output: int, logs: int, was: tuple[int, int]) -> NoReturn:
-    """Be a worker's keeper: tells `kept`, by what it can be ended however soon it does so itself, and then how the
+def run_init(request: dict[str, Any], control: socket.socket, output: int, logs: int, was: tuple[int, int]) -> NoReturn:
+    """Be a worker's init process: sends `kept`, with the pidfd by which it can be ended, and then how the
     worker ended; ends it where the gateway lets go of `control`.
     """
     if sys.platform != "linux":
         raise NotImplementedError
     try:
         os.setsid()
-        os.umask(0o022)  # whatever the gateway's is: folders of the room are for the worker, who is somebody else
+        os.umask(0o022)  # whatever the gateway's is: folders of the sandbox are for the worker, who is somebody else
         own_fd = os.pidfd_open(os.getpid())
         tell(control, {"kept": True}, own_fd)
         os.close(own_fd)
-        room = build(request, was)
+        layout = build(request, was)
         own = request["level"] >= L3
-        # A killed fork server takes its keepers along. They end the rest; in a pid namespace the kernel does.
+        # A killed fork server takes its init processes along. They end the rest; in a pid namespace the kernel does.
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL if own else signal.SIGTERM)
-        prctl(PR_SET_CHILD_SUBREAPER, 1)  # whose parent ends is the keeper's, so that all of a worker's memory is found
-        signals = Watched()
+        prctl(PR_SET_CHILD_SUBREAPER, 1)  # whose parent ends is init's, so that all of a worker's memory is found
+        signals = SignalPipe()
         worker = os.fork()
         if worker == 0:
             signals.release()
-            _work(request, room, control, output, logs)
-        for opened in (output, logs, *(listener.detach() for listener in room.listeners)):
+            _work(request, layout, control, output, logs)
+        for opened in (output, logs, *(listener.detach() for listener in layout.listeners)):
             os.close(opened)
         signals.wait(worker, control)
     except BaseException as error:
@@ -109,7 +109,7 @@ def keep(request: dict[str, Any], control: socket.socket, output: int, logs: int
 
 
 def _reap(worker: int, control: socket.socket) -> bool:
-    """Take from the kernel who has ended; whether the worker is among them, of which the gateway is told."""
+    """Take from the kernel who has ended; whether the worker is among them, which is reported to the gateway."""
     if sys.platform != "linux":
         raise NotImplementedError
     while True:
@@ -133,36 +133,36 @@ def _end_all() -> NoReturn:
     os._exit(0)
 
 
-def _work(request: dict[str, Any], room: Room, control: socket.socket, output: int, logs: int) -> NoReturn:
+def _work(request: dict[str, Any], layout: SandboxLayout, control: socket.socket, output: int, logs: int) -> NoReturn:
     """Be the worker: take the last steps of the sandbox, then the user's code."""
     if sys.platform != "linux":
         raise NotImplementedError
-    keeper = os.getppid()
+    init = os.getppid()
     try:
         _streams(output)
         signal.pthread_sigmask(signal.SIG_SETMASK, set())
         os.umask(0o022)
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != keeper:
+        if os.getppid() != init:
             os._exit(1)
         set_surroundings(
             request,
-            code_dir=room.code_dir,
-            layer_dirs=room.layer_dirs,
-            tmp_dir=room.tmp_dir,
-            port=room.port,
-            egress_port=room.egress_port,
+            code_dir=layout.code_dir,
+            layer_dirs=layout.layer_dirs,
+            tmp_dir=layout.tmp_dir,
+            port=layout.port,
+            egress_port=layout.egress_port,
             logs=logs,
         )
         identity.without_privileges(dumpable=request["level"] >= L3)
-        shut(room, request)
-        if not tell(control, {"up": True}, *(listener.fileno() for listener in room.listeners)):
+        confine(layout, request)
+        if not tell(control, {"up": True}, *(listener.fileno() for listener in layout.listeners)):
             os._exit(1)
     except BaseException as error:
         tell(control, {"error": f"{type(error).__name__}: {error}"})
         os._exit(1)
     control.close()
-    for listener in room.listeners:
+    for listener in layout.listeners:
         listener.close()
     run_entry(request["entry"], request["handler"])
 
@@ -231,7 +231,7 @@ def run_entry(entry: str, handler: str) -> NoReturn:
 
             aws_main(["awslambdaric", handler])
         elif entry == "metaros":
-            from metaros.functions.runtime_client import main
+            from metaros.automation.functions.runtime.runtime_client import main
 
             main(handler, os.environ["AWS_LAMBDA_RUNTIME_API"])
         status = 0

@@ -16,22 +16,22 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.egress.proxy import Egress
+from metaros.automation.functions.egress.rules import EGRESS, EgressRules, parse_egress
+from metaros.automation.functions.environment import AUTO, check_runtime, environment_of, own_entry, worker_entry
+from metaros.automation.functions.errors import ENGINE_FULL, RESERVED_FULL, EngineClosedError, ThrottledError
+from metaros.automation.functions.launch import Confinement, Program, Usage
+from metaros.automation.functions.logs import LogPiece
+from metaros.automation.functions.pool import Pool, PoolStatus
+from metaros.automation.functions.probe import require as require_level
+from metaros.automation.functions.response_stream import ResponseStream
+from metaros.automation.functions.running_call import RunningCall, platform_error
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.worker import InitFailure, Worker, WorkerOwner
+from metaros.automation.functions.worker_launcher import Launch, WorkerLauncher
 from metaros.clock import Clock
 from metaros.errors import FieldError, LaunchError, TooLargeError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.egress import Egress
-from metaros.functions.egress_rules import EGRESS, EgressRules, parse_egress
-from metaros.functions.environment import AUTO, check_runtime, environment_of, own_entry, worker_entry
-from metaros.functions.faults import ENGINE_FULL, RESERVED_FULL, EngineClosedError, ThrottledError
-from metaros.functions.launch import Confinement, Program, Usage
-from metaros.functions.logs import LogPiece
-from metaros.functions.pool import Pool, PoolStatus
-from metaros.functions.probe import require as require_level
-from metaros.functions.response_stream import ResponseStream
-from metaros.functions.running import Running, platform_error
-from metaros.functions.sandbox.level import Level
-from metaros.functions.starter import Launch, Starter
-from metaros.functions.worker import Home, InitFailure, Worker
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Engine", "EngineStatus"]
@@ -86,10 +86,10 @@ class Engine:
         self._most_workers = most_workers or limits.function_workers
         self._warm_start, self._launch = warm_start, launch
         self._egress = Egress(bound=egress, limits=limits)
-        self._starter: Starter | None = None
+        self._starter: WorkerLauncher | None = None
         self._pools: dict[str, Pool] = {}
         self._leaving: set[Pool] = set()  # retired, and not yet empty
-        self._starved: dict[Pool, None] = {}  # wait for room for a worker, in this order
+        self._starved: dict[Pool, None] = {}  # wait for capacity for a worker, in this order
         self._in_flight: dict[str, int] = {}
         self._waiting_bytes = 0
         self._listeners: list[Callable[[LogPiece], None]] = []
@@ -111,7 +111,7 @@ class Engine:
         self._reasons = probe.reasons
         await asyncio.to_thread(shutil.rmtree, self._tmp, ignore_errors=True)
         if self._launch is None:
-            self._starter = Starter(self._level, warm=self._warm_start)
+            self._starter = WorkerLauncher(self._level, warm=self._warm_start)
             await self._starter.start()
             self._launch = self._starter
         self._closed = False
@@ -200,7 +200,7 @@ class Engine:
 
     # Admission.
 
-    def _submit(self, spec: FunctionSpec, call: Invocation, stream: ResponseStream | None) -> Running:
+    def _submit(self, spec: FunctionSpec, call: Invocation, stream: ResponseStream | None) -> RunningCall:
         self._check_open()
         call = self._checked(spec, call)
         in_flight = self._in_flight.get(spec.name, 0)
@@ -210,13 +210,13 @@ class Engine:
         size = len(call.payload)
         if self._waiting_bytes + size > self._limits.function_waiting_bytes:
             raise ThrottledError("calls that are under way hold all the memory there is for them", reason=ENGINE_FULL)
-        running = Running(spec, call, self._loop.create_future(), self._over, stream, self._loop.time())
+        running = RunningCall(spec, call, self._loop.create_future(), self._over, stream, self._loop.time())
         self._pool(spec).submit(running)
         self._in_flight[spec.name] = in_flight + 1
         self._waiting_bytes += size
         return running
 
-    def _over(self, running: Running) -> None:
+    def _over(self, running: RunningCall) -> None:
         left = self._in_flight[running.spec.name] - 1
         if left:
             self._in_flight[running.spec.name] = left
@@ -225,7 +225,7 @@ class Engine:
         self._waiting_bytes -= len(running.call.payload)
 
     def _checked(self, spec: FunctionSpec, call: Invocation) -> Invocation:
-        """The call, as it can be told in headers."""
+        """The call, as it can be sent in headers."""
         check_runtime(spec.runtime)
         if len(call.payload) > self._limits.function_payload_bytes:
             size, most = len(call.payload), self._limits.function_payload_bytes
@@ -247,13 +247,13 @@ class Engine:
         pool = self._pools.get(spec.key)
         if pool is None:
             entry = worker_entry(spec, self._entry)
-            pool = Pool(spec, entry=entry, crew=self, launch=self._worker, clock=self._clock, limits=self._limits)
+            pool = Pool(spec, entry=entry, quota=self, launch=self._worker, clock=self._clock, limits=self._limits)
             self._pools[spec.key] = pool
         elif pool.spec is not spec:
             pool.spec = spec  # its bounds may have changed: what its workers run has not
         return pool
 
-    async def _worker(self, spec: FunctionSpec, home: Home) -> Worker:
+    async def _worker(self, spec: FunctionSpec, owner: WorkerOwner) -> Worker:
         """A process for it, that is not served yet."""
         assert self._launch is not None
         assert self._level is not None
@@ -284,7 +284,7 @@ class Engine:
             spec,
             launched,
             name=name,
-            home=home,
+            owner=owner,
             emit=self._emit,
             clock=self._clock,
             egress=partial(self._egress.proxy, rules) if rules.patterns else None,
@@ -318,7 +318,7 @@ class Engine:
         """End the idle worker of the pool that was used least lately."""
         idle = [p for p in self._all() if p.idle and len(p.workers) > p.spec.min_workers and p not in self._starved]
         if idle:
-            min(idle, key=lambda pool: pool.used_s).spare()
+            min(idle, key=lambda pool: pool.used_s).evict_idle()
 
     def _all(self) -> list[Pool]:
         return [*self._pools.values(), *self._leaving]

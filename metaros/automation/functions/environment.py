@@ -8,9 +8,9 @@ import sys
 from collections.abc import Mapping
 from typing import Literal
 
+from metaros.automation.functions.calls import FunctionSpec
+from metaros.automation.functions.errors import RuntimeRefusedError
 from metaros.clock import Clock
-from metaros.functions.calls import FunctionSpec
-from metaros.functions.faults import RuntimeRefusedError
 
 __all__ = ["AUTO", "Entry", "check_runtime", "environment_of", "own_entry", "worker_entry"]
 

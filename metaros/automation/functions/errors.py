@@ -1,4 +1,4 @@
-"""What the engine refuses: a call that finds no room, an engine that was closed, a runtime that it does not run.
+"""The engine's errors: a call that was throttled, an engine that was closed, a runtime that is not supported.
 
 What a function does wrong is no error of the engine: it is an Outcome.
 """
@@ -14,7 +14,7 @@ RESERVED_FULL = "ReservedFunctionConcurrentInvocationLimitExceeded"
 
 
 class ThrottledError(UnavailableError):
-    """No room for the call now; `reason` is AWS's word for which bound it met."""
+    """No capacity for the call now; `reason` is AWS's word for which bound it met."""
 
     code = "throttled"
 

@@ -17,15 +17,15 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from typing import Any
 
-from metaros.functions.child import keep, tell
-from metaros.functions.sandbox.libc import PR_SET_PDEATHSIG, clone, prctl
-from metaros.functions.sandbox.room import clone_flags
+from metaros.automation.functions.child import run_init, tell
+from metaros.automation.functions.sandbox.isolation import clone_flags
+from metaros.automation.functions.sandbox.libc import PR_SET_PDEATHSIG, clone, prctl
 
 __all__ = ["BOOT", "FILES", "REQUEST_BYTES", "main"]
 
 BOOT = (
     "import sys, json; a = json.loads(sys.argv[1]); sys.path[:] = a['paths'];"
-    "from metaros.functions.fork_server import main; main(a)"
+    "from metaros.automation.functions.fork_server import main; main(a)"
 )
 REQUEST_BYTES = 128 * 1024  # one request, which is one datagram
 AWS_CLIENT = tuple(
@@ -73,7 +73,9 @@ def main(arguments: dict[str, Any]) -> None:
     # What is here now is never collected: the workers' collectors leave the pages shared.
     gc.collect()
     gc.freeze()
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # ended keepers are gone at once; they tell the gateway themselves
+    signal.signal(
+        signal.SIGCHLD, signal.SIG_IGN
+    )  # ended init processes are gone at once; they report to the gateway themselves
     channel.send(b"ready")
     while True:
         try:
@@ -93,18 +95,18 @@ def _fork(request: dict[str, Any], files: list[int], channel: socket.socket) -> 
     if sys.platform != "linux":
         raise NotImplementedError
     control, output, logs = files
-    with socket.socket(fileno=control) as told:
+    with socket.socket(fileno=control) as status:
         was = os.geteuid(), os.getegid()
         try:
             flags = clone_flags(request["level"])
             pid = clone(flags | signal.SIGCHLD) if flags else os.fork()
         except OSError as error:
-            tell(told, {"error": f"cannot fork: {error}"})
+            tell(status, {"error": f"cannot fork: {error}"})
             pid = -1
         if pid == 0:
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             channel.close()
-            keep(request, told, output, logs, was)
+            run_init(request, status, output, logs, was)
     os.close(output)
     os.close(logs)
 

@@ -6,17 +6,17 @@ import asyncio
 import os
 import sys
 
+from metaros.automation.functions.plain_process import launch_plain
+from metaros.automation.functions.program import Confinement, Program
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.worker_process import Usage, WorkerProcess
+from metaros.automation.functions.zygote import Zygote, zygote_works
 from metaros.errors import LaunchError
-from metaros.functions.launched import Launched, Usage
-from metaros.functions.plain import launch_plain
-from metaros.functions.program import Confinement, Program
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote, zygote_works
 
-__all__ = ["Confinement", "Launched", "Program", "Usage", "launch"]
+__all__ = ["Confinement", "Program", "Usage", "WorkerProcess", "launch"]
 
 
-async def launch(program: Program, confinement: Confinement) -> Launched:
+async def launch(program: Program, confinement: Confinement) -> WorkerProcess:
     """A new worker, up and confined as `confinement.level` says. LaunchError where that cannot be.
 
     On Linux it is the only worker of a fork server of its own; elsewhere, and at L0, a plain process. Never root: on

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from metaros.automation.functions.calls import FunctionSpec
 from metaros.clock import Clock
-from metaros.functions.calls import FunctionSpec
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["FrameReader", "LineReader", "LogPiece", "WorkerLog"]

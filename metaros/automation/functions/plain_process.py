@@ -1,4 +1,4 @@
-"""A worker as a plain process, for systems that cannot shut it in: macOS (L1: with limits) and Windows (L0)."""
+"""A worker as a plain process, for systems without a sandbox: macOS (L1: with limits) and Windows (L0)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ import sys
 import threading
 from typing import Any
 
-from metaros.functions.launched import Launched
-from metaros.functions.program import Confinement, Program, import_paths, request_of
+from metaros.automation.functions.program import Confinement, Program, import_paths, request_of
+from metaros.automation.functions.worker_process import WorkerProcess
 
 __all__ = ["launch_plain", "run_plain"]
 
 BOOT = (
     "import sys, json; r = json.loads(sys.stdin.buffer.read()); sys.path[:] = r['paths'];"
-    "from metaros.functions.plain import run_plain; run_plain(r)"
+    "from metaros.automation.functions.plain_process import run_plain; run_plain(r)"
 )
 BACKLOG = 16
 # Windows starts no process without these.
 KEPT = ("SYSTEMROOT", "SYSTEMDRIVE", "WINDIR")
 
 
-async def launch_plain(program: Program, confinement: Confinement) -> Launched:
+async def launch_plain(program: Program, confinement: Confinement) -> WorkerProcess:
     """A new interpreter with the function's environment, in its own process group."""
     confinement.tmp_dir.mkdir(parents=True, exist_ok=True)
     listener = socket.create_server(("127.0.0.1", 0), backlog=BACKLOG)
@@ -76,7 +76,9 @@ def _start(request: dict[str, Any]) -> tuple[subprocess.Popen[bytes], int]:
     return process, output
 
 
-def _hold(process: subprocess.Popen[bytes], listener: socket.socket, output: int, confinement: Confinement) -> Launched:
+def _hold(
+    process: subprocess.Popen[bytes], listener: socket.socket, output: int, confinement: Confinement
+) -> WorkerProcess:
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[int] = loop.create_future()
 
@@ -90,7 +92,7 @@ def _hold(process: subprocess.Popen[bytes], listener: socket.socket, output: int
             loop.call_soon_threadsafe(told, status)
 
     threading.Thread(target=await_end, name="function-worker", daemon=True).start()
-    return Launched(
+    return WorkerProcess(
         pid=process.pid,
         listener=listener,
         output=output,
@@ -112,10 +114,10 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def run_plain(request: dict[str, Any]) -> None:
     """In the new interpreter: its limits, where the system has them, then the user's code."""
-    from metaros.functions.child import run_entry, set_surroundings
+    from metaros.automation.functions.child import run_entry, set_surroundings
 
     if sys.platform != "win32" and request["level"] >= 1:
-        from metaros.functions.sandbox import rlimits
+        from metaros.automation.functions.sandbox import rlimits
 
         rlimits.limit(
             memory_mb=request["memory_mb"],

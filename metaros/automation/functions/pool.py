@@ -13,15 +13,15 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from metaros.automation.functions.calls import FunctionSpec, Outcome
+from metaros.automation.functions.errors import ENGINE_FULL, ThrottledError
+from metaros.automation.functions.running_call import RunningCall
+from metaros.automation.functions.runtime.runtime_api import Answer
+from metaros.automation.functions.worker import InitFailure, Worker, WorkerOwner
 from metaros.clock import Clock
-from metaros.functions.calls import FunctionSpec, Outcome
-from metaros.functions.faults import ENGINE_FULL, ThrottledError
-from metaros.functions.running import Running
-from metaros.functions.runtime_api import Answer
-from metaros.functions.worker import Home, InitFailure, Worker
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Crew", "Pool", "PoolStatus"]
+__all__ = ["Pool", "PoolStatus", "WorkerQuota"]
 
 MIB = 1024 * 1024
 _CORES = os.cpu_count() or 1
@@ -48,17 +48,17 @@ class PoolStatus:
     init_error: str
 
 
-class Crew(Protocol):
-    """What a pool has of its engine."""
+class WorkerQuota(Protocol):
+    """The engine's limits on workers, as a pool asks for them."""
 
     def may_start(self, pool: Pool) -> bool:
-        """Whether one more worker has room; else the pool is told to `grow` once it has."""
+        """Whether one more worker has room; else the engine calls `grow` once it has."""
 
     def released(self) -> None:
         """A worker of the pool is gone, or has nothing to do."""
 
 
-class Pool(Home):
+class Pool(WorkerOwner):
     """`launch` makes a worker that is not started yet."""
 
     def __init__(
@@ -66,21 +66,21 @@ class Pool(Home):
         spec: FunctionSpec,
         *,
         entry: str,
-        crew: Crew,
-        launch: Callable[[FunctionSpec, Home], Awaitable[Worker]],
+        quota: WorkerQuota,
+        launch: Callable[[FunctionSpec, WorkerOwner], Awaitable[Worker]],
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
         self.spec, self.entry = spec, entry
         self.workers: set[Worker] = set()
         self.idle: list[Worker] = []  # the last one worked last
-        self.waiting: deque[Running] = deque()
+        self.waiting: deque[RunningCall] = deque()
         self.starting = 0
         self.retired = False
         self.calls = self.cold_starts = self.failures = 0
         self.init_error = ""
         self.used_s = 0.0
-        self._crew, self._launch, self._clock, self._limits = crew, launch, clock, limits
+        self._quota, self._launch, self._clock, self._limits = quota, launch, clock, limits
         self._loop = asyncio.get_running_loop()
         self._tasks: set[asyncio.Task[None]] = set()
         self._rising: set[Worker] = set()  # have not asked for a call yet
@@ -105,7 +105,7 @@ class Pool(Home):
         """Whether nothing is left of it."""
         return not self.size and not self.waiting and not self._tasks
 
-    def submit(self, running: Running) -> None:
+    def submit(self, running: RunningCall) -> None:
         """Run it now, or once a worker is free.
 
         Raises:
@@ -144,7 +144,7 @@ class Pool(Home):
             self._begin()
         oldest_s = now_s - self._limits.function_idle_s
         while self.idle and len(self.workers) > self.spec.min_workers and self.idle[0].idle_since_s < oldest_s:
-            self.spare()
+            self.evict_idle()
         latest_s = now_s - self._limits.function_wait_s
         while len(self.waiting) > self.starting and self.waiting[self.starting].asked_s < latest_s:
             running = self.waiting[self.starting]
@@ -152,7 +152,7 @@ class Pool(Home):
             message = f"no worker of {self.spec.name} was free within {self._limits.function_wait_s:.0f} s"
             running.fail(ThrottledError(message, reason=ENGINE_FULL))
 
-    def spare(self) -> None:
+    def evict_idle(self) -> None:
         """End the worker that is idle for longest."""
         self._task(self.idle.pop(0).stop())
 
@@ -160,7 +160,7 @@ class Pool(Home):
         """No worker any more once the calls that wait are done."""
         self.retired = True
         while self.idle:
-            self.spare()
+            self.evict_idle()
 
     async def close(self, error: Exception) -> None:
         """End all: calls that are under way or wait get `error`."""
@@ -173,7 +173,7 @@ class Pool(Home):
             worker.abandon(error)
             self._task(worker.kill())
         while self.idle:
-            self.spare()
+            self.evict_idle()
         for worker in [*self.workers, *self._rising]:
             self._task(worker.kill())
         while self._tasks:
@@ -198,7 +198,7 @@ class Pool(Home):
             init_error=self.init_error,
         )
 
-    # What workers tell.
+    # Callbacks of workers.
 
     def free(self, worker: Worker) -> None:
         """It asks for a call."""
@@ -214,7 +214,7 @@ class Pool(Home):
             self._pressed = False
             worker.idle_since_s = self._loop.time()
             self.idle.append(worker)
-            self._crew.released()
+            self._quota.released()
 
     def gone(self, worker: Worker) -> None:
         """It takes no call any more."""
@@ -224,7 +224,7 @@ class Pool(Home):
         if worker in self.idle:
             self.idle.remove(worker)
         self._task(worker.over())
-        self._crew.released()
+        self._quota.released()
         if self.waiting and not self.size:
             self.grow()
 
@@ -242,7 +242,7 @@ class Pool(Home):
         self._patience = self._loop.call_later(self._limits.function_patience_s, self._out_of_patience)
 
     def _begin(self) -> bool:
-        if not self._crew.may_start(self):
+        if not self._quota.may_start(self):
             return False
         self.starting += 1
         self._task(self._start())
@@ -260,7 +260,7 @@ class Pool(Home):
             self.init_error, self._backoff_s, self._start_at_s = "", 0.0, 0.0
             self._first(worker, (self._clock.monotonic_s() - began_s) * 1000)
         finally:
-            self._crew.released()
+            self._quota.released()
 
     async def _up(self) -> Worker:
         """A worker that asks for its first call: too slow a one is tried once more, as long as a call may last."""

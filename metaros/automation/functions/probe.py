@@ -11,12 +11,12 @@ import tempfile
 import threading
 from pathlib import Path
 
+from metaros.automation.functions.launch import launch
+from metaros.automation.functions.program import Confinement, Program
+from metaros.automation.functions.sandbox import landlock
+from metaros.automation.functions.sandbox.calls import CALLS
+from metaros.automation.functions.sandbox.level import Level, Probe, check
 from metaros.errors import LaunchError
-from metaros.functions.launch import launch
-from metaros.functions.program import Confinement, Program
-from metaros.functions.sandbox import landlock
-from metaros.functions.sandbox.calls import CALLS
-from metaros.functions.sandbox.level import Level, Probe, check
 from metaros.limits import LIMITS
 
 __all__ = ["probe", "require"]

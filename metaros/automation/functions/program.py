@@ -9,20 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from metaros.functions.sandbox.level import Level
+from metaros.automation.functions.sandbox.level import Level
 
 __all__ = ["Confinement", "Entry", "Program", "import_paths", "request_of", "shown_paths"]
 
 MIB = 1 << 20
-PACKAGE = Path(__file__).resolve().parents[1]  # metaros
+PACKAGE = Path(__file__).resolve().parents[2]  # metaros
 Entry = Literal["awslambdaric", "metaros", "none"]  # none: ends at once, by which a level is probed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
     """A handler (`module.function`) in an unpacked folder, its layers, and all of its environment: nothing of the
-    gateway's is inherited. `entry` is the Runtime API's client: AWS's own, or `metaros.functions.runtime_client`.
-    `egress`: it has a way out, by a proxy that is to be served on `Launched.egress`."""
+    gateway's is inherited. `entry` is the Runtime API's client: AWS's own, or ours,
+    `metaros.automation.functions.runtime.runtime_client`. `egress`: it has a way out, by a proxy that is to be served
+    on `WorkerProcess.egress`."""
 
     handler: str
     code_dir: Path

@@ -6,7 +6,7 @@ import asyncio
 from collections import deque
 from typing import Protocol
 
-from metaros.functions.calls import Outcome
+from metaros.automation.functions.calls import Outcome
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["ResponseStream", "Source"]

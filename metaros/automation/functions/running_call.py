@@ -7,11 +7,11 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.response_stream import ResponseStream
-from metaros.functions.runtime_api import Answer
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.response_stream import ResponseStream
+from metaros.automation.functions.runtime.runtime_api import Answer
 
-__all__ = ["Running", "platform_error"]
+__all__ = ["RunningCall", "platform_error"]
 
 
 def platform_error(request_id: str, error_type: str, message: str) -> Answer:
@@ -21,13 +21,13 @@ def platform_error(request_id: str, error_type: str, message: str) -> Answer:
 
 
 @dataclass(slots=True, eq=False)
-class Running:
+class RunningCall:
     """One call. `over` is called once, when it has its end, whoever still listens."""
 
     spec: FunctionSpec
     call: Invocation
     done: asyncio.Future[Outcome]
-    over: Callable[[Running], None]
+    over: Callable[[RunningCall], None]
     stream: ResponseStream | None
     asked_s: float  # on the event loop's clock
     began_s: float = 0.0  # on the engine's

@@ -14,25 +14,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+from metaros.automation.functions.calls import FunctionSpec, Outcome
+from metaros.automation.functions.egress.proxy import EgressProxy
+from metaros.automation.functions.launch import Usage, WorkerProcess
+from metaros.automation.functions.log_pump import pump
+from metaros.automation.functions.logs import LogPiece, WorkerLog
+from metaros.automation.functions.running_call import RunningCall, platform_error
+from metaros.automation.functions.runtime.runtime_api import Answer, RuntimeApi, event_head
 from metaros.clock import Clock
-from metaros.functions.calls import FunctionSpec, Outcome
-from metaros.functions.egress import EgressProxy
-from metaros.functions.launch import Launched, Usage
-from metaros.functions.log_pump import pump
-from metaros.functions.logs import LogPiece, WorkerLog
-from metaros.functions.running import Running, platform_error
-from metaros.functions.runtime_api import Answer, RuntimeApi, event_head
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Home", "InitFailure", "Worker"]
+__all__ = ["InitFailure", "Worker", "WorkerOwner"]
 
 MIB = 1024 * 1024
 _MEMORY_EVERY_S = 0.05  # looks at a worker's memory at the ends of calls are so far apart
 _PAGE_BYTES = mmap.PAGESIZE if sys.platform == "linux" else 0  # as its numbers are told
 
 
-class Home(Protocol):
-    """Where a worker belongs."""
+class WorkerOwner(Protocol):
+    """Who owns a worker and is notified of it."""
 
     def free(self, worker: Worker) -> None:
         """It asks for a call."""
@@ -50,16 +50,17 @@ class InitFailure(Exception):
 
 
 class Worker:
-    """Runs one call at a time; `run` only after `Home.free` told that it waits for one. `egress` makes its proxy, if it
-    has one, of what writes into its log."""
+    """Runs one call at a time; call `run` only after `WorkerOwner.free` reported it idle.
+
+    `egress` makes its proxy, if it has one, from a function that writes into its log."""
 
     def __init__(
         self,
         spec: FunctionSpec,
-        launched: Launched,
+        launched: WorkerProcess,
         *,
         name: str,
-        home: Home,
+        owner: WorkerOwner,
         emit: Callable[[LogPiece], None],
         clock: Clock,
         egress: Callable[[Callable[[str], None]], EgressProxy] | None = None,
@@ -70,19 +71,19 @@ class Worker:
         self.idle_since_s = 0.0
         self.memory_bytes = self.peak_bytes = 0
         self.log_tail = b""  # of an init that failed
-        self._launched, self._home, self._clock, self._limits = launched, home, clock, limits
+        self._launched, self._owner, self._clock, self._limits = launched, owner, clock, limits
         self._loop = asyncio.get_running_loop()
         self._api = RuntimeApi(self, limits=limits)
         self._log = WorkerLog(spec, name, emit=emit, clock=clock, limits=limits)
         self._egress = egress(self._log.note) if egress is not None else None
-        self._running: Running | None = None
+        self._running: RunningCall | None = None
         self._ready: asyncio.Future[None] = self._loop.create_future()
         self._ended: asyncio.Future[int] = self._loop.create_future()
         self._deadline_s = 0.0
         self._deadline: asyncio.TimerHandle | None = None
         self._looked_s = 0.0
         self._suspected = False  # its last look was of another call's time, and too much
-        self._away = False  # told home that it is gone
+        self._away = False  # its owner knows that it is gone
         ends = ((launched.logs, self._log.framed), (launched.output, self._log.plain))
         pipes = {fd: take for fd, take in ends if fd is not None}
         self._pump = pump(self._loop, pipes, bytes_per_s=limits.function_log_bytes_per_s)
@@ -94,7 +95,7 @@ class Worker:
         return self._running is not None
 
     @property
-    def launched(self) -> Launched:
+    def launched(self) -> WorkerProcess:
         """Its process."""
         return self._launched
 
@@ -128,7 +129,7 @@ class Worker:
                 self.log_tail = self._log.end("")
                 self._leave()
 
-    def run(self, running: Running) -> None:
+    def run(self, running: RunningCall) -> None:
         """Give it a call."""
         self._running = running
         call, spec = running.call, self.spec
@@ -141,7 +142,7 @@ class Worker:
         head = event_head(call, arn=call.arn or spec.arn, deadline_ms=deadline_ms)
         self._api.give(head, call, stream=running.stream)
 
-    def doom(self, error_type: str, message: str) -> None:
+    def kill_with_error(self, error_type: str, message: str) -> None:
         """Kill it: its call ends with that error now."""
         if self._running is not None:
             self._end(platform_error(self._running.call.request_id, error_type, message))
@@ -156,7 +157,7 @@ class Worker:
 
     async def stop(self) -> None:
         """End it in good order where it can, else after `function_stop_s` by force. It must have no call."""
-        self._tell_home()
+        self._report_owner()
         self._pump.close()  # what it writes now is noise of its end
         if not self._ended.done() and sys.platform != "win32":
             with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -186,7 +187,7 @@ class Worker:
         excess, suspected = self._excess(usage), self._suspected
         self._suspected = excess is not None and calls != self.calls
         if excess is not None and (suspected or not self._suspected):
-            self.doom(*excess)
+            self.kill_with_error(*excess)
 
     def _excess(self, usage: Usage) -> tuple[str, str] | None:
         """What is over its limits: the error's type, and the words."""
@@ -196,13 +197,13 @@ class Worker:
             return "Sandbox.Failure", f"its temporary files are over {self.spec.disk_mb} MB"
         return None
 
-    # What its Runtime API tells.
+    # Callbacks of its Runtime API.
 
     def on_ready(self) -> None:
         """It asks for a call."""
         if not self._ready.done():
             self._ready.set_result(None)
-        self._home.free(self)
+        self._owner.free(self)
 
     def on_answer(self, answer: Answer) -> None:
         """It is done with its call."""
@@ -243,7 +244,7 @@ class Worker:
             )
         )
 
-    def _report(self, running: Running, duration_ms: float, answer: Answer) -> str:
+    def _report(self, running: RunningCall, duration_ms: float, answer: Answer) -> str:
         request_id = running.call.request_id
         init = f"\tInit Duration: {running.init_ms:.2f} ms" if running.init_ms else ""
         status = f"\tStatus: error\tError Type: {answer.error_type}" if answer.error_type else ""
@@ -275,7 +276,7 @@ class Worker:
             self._deadline = self._loop.call_at(self._deadline_s, self._at_deadline)
             return
         self._pump.drain()
-        self.doom("Sandbox.Timeout", f"Task timed out after {self.spec.timeout_s:.2f} seconds")
+        self.kill_with_error("Sandbox.Timeout", f"Task timed out after {self.spec.timeout_s:.2f} seconds")
 
     async def _wait(self) -> None:
         """Until the process is no more."""
@@ -286,7 +287,7 @@ class Worker:
         answer = platform_error(self.name, "Runtime.ExitError", f"Runtime exited with error: {how}")
         if not self._ready.done():
             self._ready.set_exception(InitFailure(answer))
-        self.doom("Runtime.ExitError", f"Runtime exited with error: {how}")
+        self.kill_with_error("Runtime.ExitError", f"Runtime exited with error: {how}")
         self._pump.close()
         self._launched.close()
         if self._egress is not None:
@@ -295,7 +296,7 @@ class Worker:
 
     def _leave(self) -> None:
         """No call any more; the process is killed, its end is waited for elsewhere."""
-        self._tell_home()
+        self._report_owner()
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
@@ -303,7 +304,7 @@ class Worker:
         if not self._ended.done():
             self._launched.kill()
 
-    def _tell_home(self) -> None:
+    def _report_owner(self) -> None:
         if not self._away:
             self._away = True
-            self._home.gone(self)
+            self._owner.gone(self)

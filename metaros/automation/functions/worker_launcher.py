@@ -1,4 +1,4 @@
-"""Processes for workers: forked off a warm interpreter where the system can, else each by a new one."""
+"""Starts worker processes: forked from a warm zygote where the system can, else each as a new interpreter."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+from metaros.automation.functions.launch import Confinement, Program, WorkerProcess, launch
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote, zygote_works
 from metaros.errors import LaunchError
-from metaros.functions.launch import Confinement, Launched, Program, launch
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote, zygote_works
 
-__all__ = ["Launch", "Starter"]
+__all__ = ["Launch", "WorkerLauncher"]
 
-Launch = Callable[[Program, Confinement], Awaitable[Launched]]
+Launch = Callable[[Program, Confinement], Awaitable[WorkerProcess]]
 
 
-class Starter:
+class WorkerLauncher:
     """Keeps one fork server; one that died is replaced at the next start."""
 
     def __init__(self, level: Level, *, warm: bool = True) -> None:
@@ -34,7 +34,7 @@ class Starter:
         if self._zygote is not None:
             await self._zygote.close()
 
-    async def __call__(self, program: Program, confinement: Confinement) -> Launched:
+    async def __call__(self, program: Program, confinement: Confinement) -> WorkerProcess:
         """A worker's process.
 
         Raises:

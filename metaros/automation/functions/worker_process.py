@@ -1,4 +1,4 @@
-"""A worker as its gateway holds it: where it connects to, what it prints, and how it ends."""
+"""A running worker process as the engine sees it: its sockets, its output, its end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["Launched", "Usage"]
+__all__ = ["Usage", "WorkerProcess"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +22,7 @@ class Usage:
 
 
 @dataclass(slots=True, kw_only=True)
-class Launched:
+class WorkerProcess:
     """A running worker. Its Runtime API is to be served on `listener`; identity is that socket.
 
     `output` (stdout and stderr) and `logs` (framed telemetry; None where descriptors are not inherited) are pipes'

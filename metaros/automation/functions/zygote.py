@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from metaros.automation.functions.fork_server import BOOT, REQUEST_BYTES
+from metaros.automation.functions.program import Confinement, Program, import_paths, request_of
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.worker_process import WorkerProcess
 from metaros.errors import LaunchError
-from metaros.functions.fork_server import BOOT, REQUEST_BYTES
-from metaros.functions.launched import Launched
-from metaros.functions.program import Confinement, Program, import_paths, request_of
-from metaros.functions.sandbox.level import Level
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["PRELOAD", "Zygote", "zygote_works"]
@@ -29,7 +29,7 @@ PRELOAD = (
     *("logging", "traceback", "decimal", "json", "http.client", "threading", "tempfile", "subprocess", "uuid"),
     *("awslambdaric", "awslambdaric.lambda_runtime_marshaller", "awslambdaric.lambda_context"),
     *("awslambdaric.lambda_runtime_log_utils", "awslambdaric.lambda_runtime_exception", "awslambdaric.lambda_literals"),
-    "metaros.functions.runtime_client",
+    "metaros.automation.functions.runtime.runtime_client",
 )
 MESSAGE_BYTES = 4096
 BACKLOG = 16
@@ -123,7 +123,7 @@ class Zygote:
             )
         self._channel = ours
 
-    async def fork(self, program: Program, confinement: Confinement) -> Launched:
+    async def fork(self, program: Program, confinement: Confinement) -> WorkerProcess:
         """A new worker, up and confined. LaunchError where the zygote is gone, or the sandbox cannot be made; then
         nothing of it is left."""
         confinement.tmp_dir.mkdir(parents=True, exist_ok=True)
@@ -168,16 +168,16 @@ class Zygote:
             except OSError as error:
                 raise LaunchError(f"the fork server is gone: {error}") from None
 
-    async def _greet(self, ends: _Ends, confinement: Confinement) -> Launched:
-        """Hear from keeper and worker; the kernel itself tells their process ids, as this process sees them."""
+    async def _greet(self, ends: _Ends, confinement: Confinement) -> WorkerProcess:
+        """Receive from init and worker; the kernel itself tells their process ids, as this process sees them."""
         if sys.platform != "linux":
             raise NotImplementedError
-        keeper, (keeper_fd,), _ = await _hear(ends.control)  # its own: it may be gone already, and the worker with it
+        init, (init_fd,), _ = await _hear(ends.control)  # its own: it may be gone already, and the worker with it
         try:
             pid, files, _ = await _hear(ends.control)
         except BaseException:
-            _end(keeper_fd, keeper, confinement.level)
-            os.close(keeper_fd)
+            _end(init_fd, init, confinement.level)
+            os.close(init_fd)
             raise
         if files:
             ends.listener = socket.socket(fileno=files[0])
@@ -185,7 +185,7 @@ class Zygote:
         for listener in (ends.listener, ends.egress):
             if listener is not None:
                 listener.setblocking(False)
-        return _hold(ends, confinement, pid, keeper, keeper_fd)
+        return _hold(ends, confinement, pid, init, init_fd)
 
 
 def _make_ends(level: Level, *, egress: bool) -> _Ends:
@@ -209,14 +209,14 @@ def _make_ends(level: Level, *, egress: bool) -> _Ends:
     return ends
 
 
-def _hold(ends: _Ends, confinement: Confinement, pid: int, keeper: int, keeper_fd: int) -> Launched:
+def _hold(ends: _Ends, confinement: Confinement, pid: int, init: int, init_fd: int) -> WorkerProcess:
     if sys.platform != "linux":
         raise NotImplementedError
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[int] = loop.create_future()
 
     def heard() -> None:
-        """It ended, or its keeper was killed, and it with that."""
+        """It ended, or its init process was killed, and it with that."""
         try:
             data = ends.control.recv(MESSAGE_BYTES)
         except BlockingIOError:
@@ -225,34 +225,34 @@ def _hold(ends: _Ends, confinement: Confinement, pid: int, keeper: int, keeper_f
             data = b""
         loop.remove_reader(ends.control)
         ends.control.close()
-        os.close(keeper_fd)
+        os.close(init_fd)
         if not ended.done():
             ended.set_result(int(json.loads(data).get("status", 1)) if data else -signal.SIGKILL)
 
     loop.add_reader(ends.control, heard)
-    return Launched(
+    return WorkerProcess(
         pid=pid,
         listener=ends.listener,
         egress=ends.egress,
         output=ends.output,
         logs=ends.logs,
         tmp_dir=confinement.tmp_dir,
-        root_pid=keeper,
+        root_pid=init,
         ended=ended,
-        _kill=lambda: _end(keeper_fd, keeper, confinement.level),
+        _kill=lambda: _end(init_fd, init, confinement.level),
     )
 
 
-def _end(keeper_fd: int, keeper: int, level: Level) -> None:
-    """In its own pid namespace all ends with the keeper; elsewhere all is in the keeper's process group."""
+def _end(init_fd: int, init: int, level: Level) -> None:
+    """In its own pid namespace all ends with init; elsewhere all is in init's process group."""
     if sys.platform != "linux":
         raise NotImplementedError
     with contextlib.suppress(ProcessLookupError):
         if level >= Level.L3:
-            signal.pidfd_send_signal(keeper_fd, signal.SIGKILL)
+            signal.pidfd_send_signal(init_fd, signal.SIGKILL)
         else:
-            signal.pidfd_send_signal(keeper_fd, 0)  # is it this one still?
-            os.killpg(keeper, signal.SIGKILL)
+            signal.pidfd_send_signal(init_fd, 0)  # is it this one still?
+            os.killpg(init, signal.SIGKILL)
 
 
 async def _hear(control: socket.socket) -> tuple[int, list[int], dict[str, Any]]:

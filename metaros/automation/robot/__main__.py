@@ -1,10 +1,10 @@
-"""`python -m metaros.robot_functions`."""
+"""`python -m metaros.automation.robot`."""
 
 from __future__ import annotations
 
 import sys
 
-from metaros.robot_functions.program import main
+from metaros.automation.robot.program import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from metaros.automation.robot.policy import FunctionPolicy
 from metaros.errors import MetarosError
 from metaros.idl import message_class
 from metaros.idl.json import from_json, to_json
 from metaros.limits import LIMITS, Limits
 from metaros.node import Client, Node, Publisher
-from metaros.robot_functions.law import Law
 
-__all__ = ["Action", "ActionError", "Hands", "read_actions"]
+__all__ = ["Action", "ActionError", "ActionExecutor", "read_actions"]
 
 KEPT: Final = 64
 SETTLE_S: Final = 1.0  # in which those who listen to a topic learn of a new publisher
@@ -40,7 +40,7 @@ class Action:
 
 
 def read_actions(
-    returned: Any, law: Law, resolve: Callable[[str], str], *, limits: Limits = LIMITS
+    returned: Any, policy: FunctionPolicy, resolve: Callable[[str], str], *, limits: Limits = LIMITS
 ) -> tuple[Action, ...]:
     """What a handler's answer asks for; none where it is no object with `publish` or `call`. Raises ActionError."""
     if not isinstance(returned, dict):
@@ -48,7 +48,7 @@ def read_actions(
     rows = [("publish", row) for row in _rows(returned, "publish")] + [("call", row) for row in _rows(returned, "call")]
     if len(rows) > limits.robot_actions:
         raise ActionError(f"{len(rows)} actions are asked for, at most {limits.robot_actions}")
-    return tuple(_action(kind, row, law, resolve) for kind, row in rows)
+    return tuple(_action(kind, row, policy, resolve) for kind, row in rows)
 
 
 def _rows(returned: Mapping[str, Any], key: str) -> list[Any]:
@@ -58,7 +58,7 @@ def _rows(returned: Mapping[str, Any], key: str) -> list[Any]:
     return rows
 
 
-def _action(kind: str, row: Any, law: Law, resolve: Callable[[str], str]) -> Action:
+def _action(kind: str, row: Any, policy: FunctionPolicy, resolve: Callable[[str], str]) -> Action:
     name_key, content_key = ("topic", "message") if kind == "publish" else ("service", "request")
     if not isinstance(row, dict) or not isinstance(row.get(name_key), str) or not isinstance(row.get("type"), str):
         raise ActionError(f"{kind}: an object with {name_key}, type and {content_key} is due")
@@ -72,12 +72,12 @@ def _action(kind: str, row: Any, law: Law, resolve: Callable[[str], str]) -> Act
         raise
     except MetarosError as error:
         raise ActionError(f"{kind} {row[name_key][:80]}: {error}") from error
-    if objection := law.objection(name):
+    if objection := policy.objection(name):
         raise ActionError(f"{kind}: {objection}")
     return Action(kind="publish" if kind == "publish" else "call", name=name, type=cls, content=content)
 
 
-class Hands:
+class ActionExecutor:
     """Does them; blocks, so it belongs into a thread, one call at a time."""
 
     def __init__(self, node: Node, *, limits: Limits = LIMITS) -> None:

@@ -18,7 +18,7 @@ from typing import Final
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Backlog", "Counts", "Event", "Memory", "Put", "Result"]
+__all__ = ["Backlog", "ConditionState", "Counts", "Event", "NewEvent", "Result"]
 
 VERSION: Final = 1
 _SCHEMA: Final = """
@@ -35,7 +35,7 @@ _WAITS: Final = "leased = 0 AND dead = ''"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Put:
+class NewEvent:
     """An event to keep. `name` is its own for ever: what is put twice for a trigger is kept once."""
 
     trigger: str
@@ -58,7 +58,7 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Memory:
+class ConditionState:
     """What a trigger's condition remembers of a group (`part`); `last` is the event that a timer would act with."""
 
     trigger: str
@@ -110,7 +110,7 @@ class Backlog:
 
     # -- in ------------------------------------------------------------------------------------------------------
 
-    def keep(self, puts: Sequence[Put], memories: Sequence[Memory]) -> int:
+    def keep(self, puts: Sequence[NewEvent], condition_states: Sequence[ConditionState]) -> int:
         """Events and what conditions remember now, together; how many events are new. What finds it full is refused."""
         new = 0
         with self._transaction() as db:
@@ -123,16 +123,16 @@ class Backlog:
                 sql = "INSERT INTO events (trigger, name, payload, born_ns, due_ns) VALUES (?, ?, ?, ?, ?)"
                 values = (put.trigger, put.name, put.payload, put.at_ns, put.at_ns)
                 new += db.execute(f"{sql} ON CONFLICT DO NOTHING", values).rowcount
-            for one in memories:
+            for one in condition_states:
                 self._remember(db, one)
         return new
 
-    def memories(self) -> list[Memory]:
+    def condition_states(self) -> list[ConditionState]:
         """All that is remembered."""
         with self._lock:
             rows = self._db.execute("SELECT trigger, part, state, last, due_ns, seen_ns FROM memories").fetchall()
         names = ("trigger", "part", "state", "last", "due_ns", "seen_ns")
-        return [Memory(**dict(zip(names, row, strict=True))) for row in rows]
+        return [ConditionState(**dict(zip(names, row, strict=True))) for row in rows]
 
     # -- out -----------------------------------------------------------------------------------------------------
 
@@ -239,7 +239,7 @@ class Backlog:
                 raise
             self._db.execute("COMMIT")
 
-    def _remember(self, db: sqlite3.Connection, one: Memory) -> None:
+    def _remember(self, db: sqlite3.Connection, one: ConditionState) -> None:
         if not one.state:
             db.execute("DELETE FROM memories WHERE trigger = ? AND part = ?", (one.trigger, one.part))
             return

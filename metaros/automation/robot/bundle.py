@@ -1,6 +1,6 @@
 """A function's package as a node's bundle, to be signed and published like any other.
 
-    python -m metaros.robot_functions.bundle FOLDER_OR_ZIP --version 1.0.0 --out dock-1.0.0.zip
+    python -m metaros.automation.robot.bundle FOLDER_OR_ZIP --version 1.0.0 --out dock-1.0.0.zip
 
 The zip file is in it as it is, the very bytes that the gateway takes; a folder is packed first, always into the same
 bytes. The program that runs it is the robot's own.
@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from metaros.bundle import read_bundle, target_path
+from metaros.automation.functions.package import check_zip
+from metaros.automation.robot.manifest import FILE, RobotFunction, parse_function
+from metaros.automation.robot.program import BUNDLED, bundled
 from metaros.errors import ConfigError, MetarosError
-from metaros.functions.package import check_zip
+from metaros.fleet.bundle import read_bundle, target_path
 from metaros.limits import LIMITS, Limits
-from metaros.robot_functions.document import FILE, RobotFunction, parse_function
-from metaros.robot_functions.program import BUNDLED, bundled
 
 __all__ = ["make_bundle", "pack_function"]
 
@@ -80,7 +80,7 @@ def _described(data: bytes, limits: Limits) -> RobotFunction:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """0 where the bundle was made."""
-    parser = argparse.ArgumentParser(prog="python -m metaros.robot_functions.bundle", allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog="python -m metaros.automation.robot.bundle", allow_abbrev=False)
     parser.add_argument("package", type=Path, help="the function's folder or zip file")
     parser.add_argument("--version", required=True, help="two to four numbers: 1.2.0")
     parser.add_argument("--out", type=Path, required=True, help="the bundle's file")

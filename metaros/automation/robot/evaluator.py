@@ -1,4 +1,4 @@
-"""Which messages the handler is called for: each trigger's pattern, and its condition with a memory.
+"""Evaluates triggers: which messages the handler is called for, by pattern and stateful condition.
 
 No input or output of its own: events in, what is to be kept out. Time is the robot's wall clock, passed in.
 """
@@ -11,20 +11,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from metaros.automation.robot.backlog import ConditionState, NewEvent
+from metaros.automation.robot.manifest import Trigger
+from metaros.automation.rules.when import State, When, at_rest, due, group_of, step, value_of
 from metaros.limits import LIMITS, Limits
-from metaros.robot_functions.backlog import Memory, Put
-from metaros.robot_functions.document import Trigger
-from metaros.rules.when import State, When, at_rest, due, group_of, step, value_of
 
-__all__ = ["Judge", "Verdict"]
+__all__ = ["Evaluator", "Verdict"]
 
 
 @dataclass(slots=True)
 class Verdict:
     """What came of some messages: events to keep, and what is remembered from now on ("" as a state: nothing)."""
 
-    puts: list[Put] = field(default_factory=list)
-    memories: list[Memory] = field(default_factory=list)
+    puts: list[NewEvent] = field(default_factory=list)
+    condition_states: list[ConditionState] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -36,10 +36,12 @@ class _Group:
     due_ns: int = 0
 
 
-class Judge:
-    """Used by one thread. What it says is to be kept in one transaction, or said again by another Judge."""
+class Evaluator:
+    """Used by one thread. Store each verdict in one transaction, or evaluate again with a new Evaluator."""
 
-    def __init__(self, triggers: Sequence[Trigger], kept: Iterable[Memory] = (), *, limits: Limits = LIMITS) -> None:
+    def __init__(
+        self, triggers: Sequence[Trigger], kept: Iterable[ConditionState] = (), *, limits: Limits = LIMITS
+    ) -> None:
         """`kept` is what an earlier one remembered; of triggers that are gone it is let go."""
         self._limits = limits
         self._groups: dict[str, OrderedDict[str, _Group]] = {each.name: OrderedDict() for each in triggers}
@@ -49,7 +51,7 @@ class Judge:
                 state = State.from_json(json.loads(one.state))
                 self._groups[one.trigger][one.part] = _Group(state, one.last, one.due_ns)
 
-    def judge(self, trigger: Trigger, event: Mapping[str, Any], now_ns: int) -> Verdict:
+    def evaluate(self, trigger: Trigger, event: Mapping[str, Any], now_ns: int) -> Verdict:
         """A message that a trigger listens for."""
         verdict = Verdict()
         matched = trigger.pattern is None or trigger.pattern.matches(event)
@@ -100,22 +102,24 @@ class Judge:
             group = groups[part] = _Group(State())
             if len(groups) > self._limits.robot_groups:
                 gone, _ = groups.popitem(last=False)
-                verdict.memories.append(Memory(trigger=name, part=gone, state="", last=b"", due_ns=0, seen_ns=0))
+                verdict.condition_states.append(
+                    ConditionState(trigger=name, part=gone, state="", last=b"", due_ns=0, seen_ns=0)
+                )
         groups.move_to_end(part)
         return group
 
     def _remember(self, name: str, part: str, group: _Group, now_ns: int, verdict: Verdict) -> None:
         rests = at_rest(self._whens[name], group.state, now_ns)
         state = "" if rests else json.dumps(group.state.to_json())
-        verdict.memories.append(
-            Memory(trigger=name, part=part, state=state, last=group.last, due_ns=group.due_ns, seen_ns=now_ns)
+        verdict.condition_states.append(
+            ConditionState(trigger=name, part=part, state=state, last=group.last, due_ns=group.due_ns, seen_ns=now_ns)
         )
         if rests:
             self._groups[name].pop(part, None)
 
 
-def _put(trigger: str, name: str, payload: bytes, now_ns: int) -> Put:
-    return Put(trigger=trigger, name=name, payload=payload, at_ns=now_ns)
+def _put(trigger: str, name: str, payload: bytes, now_ns: int) -> NewEvent:
+    return NewEvent(trigger=trigger, name=name, payload=payload, at_ns=now_ns)
 
 
 def _text(event: Mapping[str, Any]) -> bytes:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Final
 
-__all__ = ["TOPIC_MESSAGE", "Heard", "event_of"]
+__all__ = ["TOPIC_MESSAGE", "ReceivedMessage", "event_of"]
 
 TOPIC_MESSAGE: Final = "metaros.topic.message"
 SOURCE: Final = "metaros.topic"
@@ -14,7 +14,7 @@ ACCOUNT, REGION = "000000000000", "local"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class ReceivedMessage:
     """A message, decoded as the gateway decodes it. `gid` is its publisher's, whose `seq` counts up."""
 
     topic: str
@@ -25,12 +25,12 @@ class Heard:
     message: Any
 
 
-def event_of(heard: Heard, *, robot: str) -> dict[str, Any]:
-    """The EventBridge shape. Its id is that of the message, however often it is heard."""
-    stamp = datetime.fromtimestamp(heard.stamp_ns / 1e9, UTC).isoformat(timespec="seconds")
+def event_of(received: ReceivedMessage, *, robot: str) -> dict[str, Any]:
+    """The EventBridge shape. Its id is that of the message, however often it is received."""
+    stamp = datetime.fromtimestamp(received.stamp_ns / 1e9, UTC).isoformat(timespec="seconds")
     return {
         "version": "0",
-        "id": f"{robot}{heard.topic}/{heard.gid.hex()}/{heard.seq}",
+        "id": f"{robot}{received.topic}/{received.gid.hex()}/{received.seq}",
         "detail-type": TOPIC_MESSAGE,
         "source": SOURCE,
         "account": ACCOUNT,
@@ -39,10 +39,10 @@ def event_of(heard: Heard, *, robot: str) -> dict[str, Any]:
         "resources": [f"arn:metaros:robot:{robot}"],
         "detail": {
             "robot": robot,
-            "topic": heard.topic,
-            "type": heard.type,
-            "stamp_ns": heard.stamp_ns,
-            "seq": heard.seq,
-            "message": heard.message,
+            "topic": received.topic,
+            "type": received.type,
+            "stamp_ns": received.stamp_ns,
+            "seq": received.seq,
+            "message": received.message,
         },
     }

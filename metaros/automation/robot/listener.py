@@ -1,7 +1,7 @@
-"""Local topics to the judge: what is heard is judged and kept on one thread, a commit for all that has come meanwhile.
+"""Subscribes local topics: messages are evaluated and stored on one thread, one commit for all that came meanwhile.
 
 A topic whose type nobody names is subscribed as soon as somebody publishes on it; a type that this program does not
-know is asked of its publisher. What is heard and not judged yet is bounded in bytes; the rest is counted and dropped.
+know is asked of its publisher. What waits for evaluation is bounded in bytes; the rest is counted and dropped.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from collections.abc import Callable
 from queue import Empty
 from typing import Any, Final, NamedTuple
 
+from metaros.automation.robot.backlog import Backlog, ConditionState, NewEvent
+from metaros.automation.robot.evaluator import Evaluator, Verdict
+from metaros.automation.robot.event import ReceivedMessage, event_of
+from metaros.automation.robot.manifest import Trigger
 from metaros.cdr import codec
 from metaros.clock import Clock
+from metaros.concurrency.waiting import WaitQueue
 from metaros.errors import MetarosError
 from metaros.idl import type_hash
 from metaros.idl.json import to_json
 from metaros.limits import LIMITS, Limits
 from metaros.node import Node
 from metaros.node.introspection import fetch_type
-from metaros.robot_functions.backlog import Backlog, Memory, Put
-from metaros.robot_functions.document import Trigger
-from metaros.robot_functions.event import Heard, event_of
-from metaros.robot_functions.judge import Judge, Verdict
-from metaros.waiting import WaitQueue
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import parse_attachment
 from metaros.wire.graph import EndpointInfo
 
 __all__ = ["Listener"]
 
-LOG = logging.getLogger("metaros.robot_functions")
+LOG = logging.getLogger("metaros.automation.robot")
 AT_ONCE: Final = 256
 LOOK_S: Final = 0.5  # between two looks for publishers
 DEPTH: Final = 100
@@ -68,15 +68,15 @@ class Listener:
         self._triggers: dict[str, list[Trigger]] = {}
         for trigger in triggers:
             self._triggers.setdefault(node.resolve(trigger.topic), []).append(trigger)
-        self._judge = Judge(triggers, backlog.memories(), limits=limits)
-        self._heard: WaitQueue[_Sample | None] = WaitQueue()
-        self._heard_bytes = 0
+        self._evaluator = Evaluator(triggers, backlog.condition_states(), limits=limits)
+        self._received: WaitQueue[_Sample | None] = WaitQueue()
+        self._received_bytes = 0
         self._lock = threading.Lock()
         self._again_s: dict[tuple[str, str, str], float] = {}  # what is subscribed, or when it is tried again
         self.dropped: Counter[str] = Counter()  # messages, by topic
         self.malformed: Counter[str] = Counter()
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name="functions-judge", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="functions-evaluator", daemon=True)
 
     def start(self) -> None:
         """Subscribe what can be, and go on looking for the rest."""
@@ -86,9 +86,9 @@ class Listener:
         self._thread.start()
 
     def close(self) -> None:
-        """Judge what was heard, then no more."""
+        """Evaluate what was received, then no more."""
         self._closed = True
-        self._heard.put(None)
+        self._received.put(None)
         self._thread.join()
 
     # -- on Zenoh's threads --------------------------------------------------------------------------------------
@@ -96,11 +96,11 @@ class Listener:
     def _hear(self, topic: str, type_name: str, decode: Decode, sample: Any) -> None:
         size = len(sample.payload)
         with self._lock:
-            if self._heard_bytes + size > self._limits.robot_heard_bytes:
+            if self._received_bytes + size > self._limits.robot_heard_bytes:
                 self.dropped[topic] += 1
                 return
-            self._heard_bytes += size
-        self._heard.put(_Sample(topic, type_name, decode, sample, size))
+            self._received_bytes += size
+        self._received.put(_Sample(topic, type_name, decode, sample, size))
 
     # -- on the judging thread -----------------------------------------------------------------------------------
 
@@ -110,11 +110,11 @@ class Listener:
             some, ends = self._take(looked_s + LOOK_S)
             now_s = self._clock.monotonic_s()
             try:
-                self._judge_all(some)
+                self._evaluate_all(some)
                 if not ends and now_s - looked_s >= LOOK_S:
                     looked_s = now_s
                     self._look()
-            except Exception:  # the disk refuses: what was heard in this turn is lost, and said so
+            except Exception:  # the disk refuses: what was received in this round is lost, and said so
                 LOG.exception("%d messages could not be kept", len(some))
             if ends:
                 return
@@ -122,37 +122,37 @@ class Listener:
     def _take(self, until_s: float) -> tuple[list[_Sample], bool]:
         """What has come, after waiting for it, for a timer, or for the time to look round."""
         timeout_s = max(0.0, until_s - self._clock.monotonic_s())
-        due_ns = self._judge.next_ns()
+        due_ns = self._evaluator.next_ns()
         if due_ns is not None:
             timeout_s = min(timeout_s, max(0.0, (due_ns - self._clock.wall_ns()) / 1e9))
         found: list[_Sample | None] = []
         try:
-            found.append(self._heard.get(timeout_s))
+            found.append(self._received.get(timeout_s))
             while len(found) < AT_ONCE and found[-1] is not None:
-                found.append(self._heard.get_nowait())
+                found.append(self._received.get_nowait())
         except Empty:
             pass
         some = [one for one in found if one is not None]
         with self._lock:
-            self._heard_bytes -= sum(one.size_bytes for one in some)
+            self._received_bytes -= sum(one.size_bytes for one in some)
         return some, len(some) < len(found)
 
-    def _judge_all(self, some: list[_Sample]) -> None:
+    def _evaluate_all(self, some: list[_Sample]) -> None:
         now_ns = self._clock.wall_ns()
-        verdicts = [self._judge.elapse(now_ns)]
+        verdicts = [self._evaluator.elapse(now_ns)]
         for one in some:
-            heard = self._read(one)
-            if heard is not None:
-                event = event_of(heard, robot=self._robot)
-                verdicts += [self._judge.judge(each, event, now_ns) for each in self._of(heard)]
-        puts, memories = _joined(verdicts)
-        if (puts or memories) and self._backlog.keep(puts, memories):
+            received = self._read(one)
+            if received is not None:
+                event = event_of(received, robot=self._robot)
+                verdicts += [self._evaluator.evaluate(each, event, now_ns) for each in self._of(received)]
+        puts, condition_states = _joined(verdicts)
+        if (puts or condition_states) and self._backlog.keep(puts, condition_states):
             self._kept()
 
-    def _of(self, heard: Heard) -> list[Trigger]:
-        return [each for each in self._triggers[heard.topic] if each.type in ("", heard.type)]
+    def _of(self, received: ReceivedMessage) -> list[Trigger]:
+        return [each for each in self._triggers[received.topic] if each.type in ("", received.type)]
 
-    def _read(self, one: _Sample) -> Heard | None:
+    def _read(self, one: _Sample) -> ReceivedMessage | None:
         try:
             about = parse_attachment(bytes(one.sample.attachment or b""))
             message = to_json(one.decode(bytes(one.sample.payload)))
@@ -160,7 +160,7 @@ class Listener:
             self.malformed[one.topic] += 1
             LOG.debug("a message on %s: %s", one.topic, error)
             return None
-        return Heard(
+        return ReceivedMessage(
             topic=one.topic,
             type=one.type_name,
             stamp_ns=about.source_ns,
@@ -209,8 +209,8 @@ def _qos(publishers: list[EndpointInfo]) -> QoSProfile:
     )
 
 
-def _joined(verdicts: list[Verdict]) -> tuple[list[Put], list[Memory]]:
+def _joined(verdicts: list[Verdict]) -> tuple[list[NewEvent], list[ConditionState]]:
     """All of them as one; of one group's memories the last counts."""
     puts = [put for verdict in verdicts for put in verdict.puts]
-    memories = {(one.trigger, one.part): one for verdict in verdicts for one in verdict.memories}
-    return puts, list(memories.values())
+    condition_states = {(one.trigger, one.part): one for verdict in verdicts for one in verdict.condition_states}
+    return puts, list(condition_states.values())

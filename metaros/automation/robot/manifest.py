@@ -1,4 +1,4 @@
-"""`function.yaml`: what a package says of itself to the robot that runs it."""
+"""`function.yaml`: the manifest of a package for the robot that runs it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any, Final
 
 import yaml
 
+from metaros.automation.rules.pattern import Pattern, compile_pattern
+from metaros.automation.rules.when import When
 from metaros.errors import ConfigError, MetarosError
 from metaros.idl import names
 from metaros.limits import LIMITS, Limits
-from metaros.rules.pattern import Pattern, compile_pattern
-from metaros.rules.when import When
 
 __all__ = ["FILE", "Retry", "RobotFunction", "Trigger", "parse_function", "read_function"]
 

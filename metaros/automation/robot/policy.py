@@ -1,4 +1,4 @@
-"""What the robot itself lets functions do: told by the agent that runs beside them, by nothing from afar.
+"""The robot's own policy for functions, set by the agent that runs beside them, and by nothing remote.
 
 The agent puts it into the environment of the nodes that its supervisor starts; its settings are a file on the robot.
 Without an agent nothing that moves the robot is allowed.
@@ -15,7 +15,7 @@ from metaros.errors import ConfigError, MetarosError
 from metaros.idl.globs import Glob
 from metaros.wire.profile import ACTUATORS
 
-__all__ = ["ACTUATORS_VARIABLE", "ALLOWED_VARIABLE", "FOLDER_VARIABLE", "ROBOT_VARIABLE", "Law"]
+__all__ = ["ACTUATORS_VARIABLE", "ALLOWED_VARIABLE", "FOLDER_VARIABLE", "ROBOT_VARIABLE", "FunctionPolicy"]
 
 ROBOT_VARIABLE: Final = "METAROS_ROBOT"  # the robot's id
 FOLDER_VARIABLE: Final = "METAROS_FUNCTIONS_DIR"  # where functions keep their state
@@ -24,7 +24,7 @@ ALLOWED_VARIABLE: Final = "METAROS_FUNCTION_ACTUATORS"  # JSON: globs of those t
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class FunctionPolicy:
     """Names are full ones. What is outside of `namespace` is another robot's."""
 
     namespace: str
@@ -32,8 +32,8 @@ class Law:
     allowed: tuple[Glob, ...] = ()
 
     @classmethod
-    def of(cls, environ: Mapping[str, str], *, namespace: str) -> Law:
-        """As the environment tells. ConfigError for what is no list of patterns."""
+    def of(cls, environ: Mapping[str, str], *, namespace: str) -> FunctionPolicy:
+        """From the environment. ConfigError for what is no list of patterns."""
         known = _globs(environ, ACTUATORS_VARIABLE)
         allowed = _globs(environ, ALLOWED_VARIABLE) or ()
         return cls(namespace, allowed=allowed) if known is None else cls(namespace, known, allowed)

@@ -1,6 +1,6 @@
 """The program that runs one function on its robot.
 
-python -m metaros.robot_functions --package FOLDER --state FOLDER --namespace /arm_1
+python -m metaros.automation.robot --package FOLDER --state FOLDER --namespace /arm_1
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
+from metaros.automation.functions.calls import FunctionSpec
+from metaros.automation.functions.engine import Engine
+from metaros.automation.functions.package import check_zip, unpack
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.robot.actions import ActionExecutor, read_actions
+from metaros.automation.robot.backlog import Backlog
+from metaros.automation.robot.listener import Listener
+from metaros.automation.robot.manifest import RobotFunction, read_function
+from metaros.automation.robot.policy import FOLDER_VARIABLE, ROBOT_VARIABLE, FunctionPolicy
+from metaros.automation.robot.results import Results
+from metaros.automation.robot.runner import Runner
 from metaros.clock import Clock, SystemClock, system_rng
+from metaros.concurrency.file_lock import take_lock
+from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError, MetarosError
 from metaros.executor import SingleThreadedExecutor
-from metaros.file_lock import take_lock
-from metaros.functions.calls import FunctionSpec
-from metaros.functions.engine import Engine
-from metaros.functions.package import check_zip, unpack
-from metaros.functions.sandbox.level import Level
 from metaros.node import Context, Node
 from metaros.node.arguments import without_ros_args
-from metaros.robot_functions.actions import Hands, read_actions
-from metaros.robot_functions.backlog import Backlog
-from metaros.robot_functions.document import RobotFunction, read_function
-from metaros.robot_functions.law import FOLDER_VARIABLE, ROBOT_VARIABLE, Law
-from metaros.robot_functions.listener import Listener
-from metaros.robot_functions.results import Results
-from metaros.robot_functions.runner import Runner
-from metaros.signals import on_stop
 
 __all__ = ["Package", "bundled", "main", "open_package", "run_function"]
 
-LOG = logging.getLogger("metaros.robot_functions")
+LOG = logging.getLogger("metaros.automation.robot")
 BUNDLED: Final = "files/function.zip"  # where a bundle has the package; a node's folder is that of its bundle
 
 
@@ -83,7 +83,7 @@ async def run_function(
     *,
     node: Node,
     robot: str,
-    law: Law,
+    policy: FunctionPolicy,
     clock: Clock,
     stop: asyncio.Event,
     level: Level | None = None,
@@ -96,14 +96,14 @@ async def run_function(
         engine = Engine(state / "engine", clock=clock, level=level, most_workers=function.concurrency)
         await engine.start()
         try:
-            hands, results = Hands(node), Results(node, backlog, clock=clock)
+            executor, results = ActionExecutor(node), Results(node, backlog, clock=clock)
             runner = Runner(
                 function,
                 package.spec(),
                 backlog,
                 engine.invoke,
-                read=lambda returned: read_actions(returned, law, node.resolve),
-                do=hands.do,
+                read=lambda returned: read_actions(returned, policy, node.resolve),
+                do=executor.do,
                 robot=robot,
                 clock=clock,
                 rng=system_rng(),
@@ -147,7 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def bundled() -> int:
-    """The entry of a signed bundle, in whose folder it is started. It takes no options: they could come from afar."""
+    """The entry of a signed bundle, in whose folder it is started. It takes no options: they could be set remotely."""
     environ = os.environ
     folder = environ.get(FOLDER_VARIABLE, "")
     state = Path(folder) / Path.cwd().parent.name if folder else None
@@ -157,7 +157,7 @@ def bundled() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m metaros.robot_functions", allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog="python -m metaros.automation.robot", allow_abbrev=False)
     parser.add_argument("--package", type=Path, required=True, help="the function's folder or zip file")
     parser.add_argument("--state", type=Path, help="where events wait; default ~/.metaros/functions/NAME")
     parser.add_argument("--robot", default="", help="the robot's id; default METAROS_ROBOT, else the namespace")
@@ -194,16 +194,18 @@ def _spin(package: Package, state: Path, options: argparse.Namespace, environ: M
         thread = threading.Thread(target=executor.spin, name="functions-node")
         thread.start()
         try:
-            law = Law.of(environ, namespace=node.namespace)
+            policy = FunctionPolicy.of(environ, namespace=node.namespace)
             level = Level[options.level] if options.level else None
-            asyncio.run(_run(package, state, node, robot, law, level))
+            asyncio.run(_run(package, state, node, robot, policy, level))
         finally:
             executor.shutdown()
             thread.join()
 
 
-async def _run(package: Package, state: Path, node: Node, robot: str, law: Law, level: Level | None) -> None:
+async def _run(
+    package: Package, state: Path, node: Node, robot: str, policy: FunctionPolicy, level: Level | None
+) -> None:
     stop = asyncio.Event()
     on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
     clock = SystemClock()
-    await run_function(package, state, node=node, robot=robot, law=law, clock=clock, stop=stop, level=level)
+    await run_function(package, state, node=node, robot=robot, policy=policy, clock=clock, stop=stop, level=level)

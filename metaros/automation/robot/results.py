@@ -1,6 +1,6 @@
 """Results to the agent, which carries them to the gateway: kept until somebody listens, then published in order.
 
-The agent's class `event` is on its disk a moment after it hears of it. Should the agent die in that moment, what it
+The agent's class `event` is on its disk a moment after it receives it. Should the agent die in that moment, what it
 was given is published again: to an agent that comes back by the topic's own history, and after a restart of this
 program by the backlog. So a result may come twice; it has an id.
 """
@@ -12,15 +12,15 @@ import contextlib
 import logging
 from typing import Any, Final
 
+from metaros.automation.robot.backlog import Backlog
 from metaros.clock import Clock
 from metaros.idl import message_class
 from metaros.node import Node
-from metaros.robot_functions.backlog import Backlog
 from metaros.wire import Durability, QoSProfile, Reliability
 
 __all__ = ["RESULTS", "Results"]
 
-LOG = logging.getLogger("metaros.robot_functions")
+LOG = logging.getLogger("metaros.automation.robot")
 RESULTS: Final = "functions/results"  # below the robot's namespace
 AT_ONCE: Final = 64
 HISTORY: Final = 256  # results that an agent that comes back is given again
@@ -48,7 +48,7 @@ class Results:
         await asyncio.to_thread(self._backlog.send_again, since_ns=since_ns)
         while True:
             self._wake.clear()
-            sent = await asyncio.to_thread(self.send_some) if self._heard() else 0
+            sent = await asyncio.to_thread(self.send_some) if self._has_listener() else 0
             if not sent:
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(LOOK_S):
@@ -65,5 +65,5 @@ class Results:
             self._backlog.forget_sent(before_ns=now_ns - round(AGAIN_S * 1e9))
         return len(some)
 
-    def _heard(self) -> bool:
+    def _has_listener(self) -> bool:
         return bool(self._graph.endpoints(self._publisher.topic, "MS"))

@@ -11,18 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.errors import EngineClosedError, ThrottledError
+from metaros.automation.robot.actions import Action, ActionError
+from metaros.automation.robot.backlog import Backlog, Event
+from metaros.automation.robot.manifest import RobotFunction
 from metaros.clock import Clock
 from metaros.errors import MetarosError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.faults import EngineClosedError, ThrottledError
 from metaros.limits import LIMITS, Limits
-from metaros.robot_functions.actions import Action, ActionError
-from metaros.robot_functions.backlog import Backlog, Event
-from metaros.robot_functions.document import RobotFunction
 
-__all__ = ["Doer", "Invoke", "Reader", "Rng", "Runner"]
+__all__ = ["ActionFunction", "Invoke", "Reader", "Rng", "Runner"]
 
-LOG = logging.getLogger("metaros.robot_functions")
+LOG = logging.getLogger("metaros.automation.robot")
 LOSSES: Final = 5  # ends of this program that an event may be at hand in; then it is dead, lest it be their cause
 BACKOFF_S: Final = (1.0, 300.0)
 THROTTLED_S: Final = 1.0
@@ -43,8 +43,8 @@ class Reader(Protocol):
         """What an answer asks for. Raises ActionError."""
 
 
-class Doer(Protocol):
-    """`Hands.do`: blocks."""
+class ActionFunction(Protocol):
+    """`ActionExecutor.do`: blocks."""
 
     def __call__(self, action: Action) -> dict[str, Any]:
         """One action. Raises MetarosError."""
@@ -77,14 +77,14 @@ class Runner:
         invoke: Invoke,
         *,
         read: Reader,
-        do: Doer,
+        do: ActionFunction,
         robot: str,
         clock: Clock,
         rng: Rng,
         settled: Callable[[], None] = lambda: None,
         limits: Limits = LIMITS,
     ) -> None:
-        """`settled` is told on the loop of each attempt that is over: there is a result."""
+        """`settled` is called on the loop for each attempt that is over: there is a result."""
         self._function, self._spec, self._backlog, self._invoke = function, spec, backlog, invoke
         self._read, self._do, self._robot = read, do, robot
         self._clock, self._rng, self._settled, self._limits = clock, rng, settled, limits
@@ -104,19 +104,19 @@ class Runner:
         try:
             while True:
                 self._wake.clear()
-                await self.turn()
+                await self.run_due()
                 await self._rest()
         finally:
             for task in self._tasks:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    async def turn(self) -> None:
-        """Begin what is due, as far as there is room."""
-        room = self._function.concurrency - len(self._tasks)
-        if room <= 0:
+    async def run_due(self) -> None:
+        """Begin what is due, as far as concurrency allows."""
+        free = self._function.concurrency - len(self._tasks)
+        if free <= 0:
             return
-        for event in await asyncio.to_thread(self._backlog.lease, room, now_ns=self._clock.wall_ns()):
+        for event in await asyncio.to_thread(self._backlog.lease, free, now_ns=self._clock.wall_ns()):
             task = asyncio.create_task(self.handle(event))
             self._tasks.add(task)
             task.add_done_callback(self._ended)

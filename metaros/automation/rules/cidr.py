@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 from typing import Any
 
-from metaros.rules.errors import PatternError
+from metaros.automation.rules.errors import PatternError
 
 __all__ = ["Block", "address", "read_block"]
 

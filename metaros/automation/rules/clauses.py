@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from metaros.rules.leaf import Leaf
-from metaros.rules.pattern import Branch
+from metaros.automation.rules.field_matcher import FieldMatcher
+from metaros.automation.rules.pattern import Branch
 
 __all__ = ["Clause", "Path", "clauses_of"]
 
@@ -20,7 +20,7 @@ MOST = 32  # of one pattern; of one with more, a `$or` is left out of the index,
 class Clause:
     """Fields with what they must hold; `exact` if that is all there is to it in an event without lists of objects."""
 
-    leaves: dict[Path, Leaf]
+    leaves: dict[Path, FieldMatcher]
     exact: bool = True
 
 
@@ -29,7 +29,7 @@ def clauses_of(branch: Branch, above: Path = ()) -> list[Clause]:
     found = [Clause({})]
     for name, part in branch.fields:
         path = (*above, name)
-        found = _both(found, [Clause({path: part})] if isinstance(part, Leaf) else clauses_of(part, path))
+        found = _both(found, [Clause({path: part})] if isinstance(part, FieldMatcher) else clauses_of(part, path))
     if branch.either:
         found = _both(found, [clause for either in branch.either for clause in clauses_of(either, above)])
     return found

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from metaros.rules.cidr import Block, address
-from metaros.rules.numeric import Span
-from metaros.rules.wildcard import Wildcard
+from metaros.automation.rules.cidr import Block, address
+from metaros.automation.rules.numeric import Span
+from metaros.automation.rules.wildcard import Wildcard
 
 __all__ = ["AnythingBut", "Condition", "Exact", "Folded", "InBlock", "Key", "Like", "Prefix", "Suffix", "key_of"]
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import date, datetime, time
 
-from metaros.rules.cron_field import DAYS, HOURS, MINUTES, MONTHS, WEEKDAYS, YEARS, read_number, read_values
-from metaros.rules.errors import ScheduleError
+from metaros.automation.rules.cron_field import DAYS, HOURS, MINUTES, MONTHS, WEEKDAYS, YEARS, read_number, read_values
+from metaros.automation.rules.errors import ScheduleError
 
 __all__ = ["Cron", "read_cron"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from metaros.rules.errors import ScheduleError
+from metaros.automation.rules.errors import ScheduleError
 
 __all__ = ["DAYS", "HOURS", "MINUTES", "MONTHS", "WEEKDAYS", "YEARS", "FieldRow", "read_number", "read_values"]
 

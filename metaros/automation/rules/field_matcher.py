@@ -6,13 +6,24 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from metaros.rules.cidr import read_block
-from metaros.rules.conditions import AnythingBut, Condition, Exact, Folded, InBlock, Key, Like, Prefix, Suffix, key_of
-from metaros.rules.errors import PatternError
-from metaros.rules.numeric import is_number, read_span
-from metaros.rules.wildcard import read_wildcard
+from metaros.automation.rules.cidr import read_block
+from metaros.automation.rules.conditions import (
+    AnythingBut,
+    Condition,
+    Exact,
+    Folded,
+    InBlock,
+    Key,
+    Like,
+    Prefix,
+    Suffix,
+    key_of,
+)
+from metaros.automation.rules.errors import PatternError
+from metaros.automation.rules.numeric import is_number, read_span
+from metaros.automation.rules.wildcard import read_wildcard
 
-__all__ = ["ABSENT", "NO", "OPERATORS", "YES", "Leaf", "flat", "read_leaf"]
+__all__ = ["ABSENT", "NO", "OPERATORS", "YES", "FieldMatcher", "flat", "read_leaf"]
 
 NO, ABSENT, YES = 0, 1, 2  # does not hold; holds since there is no value; holds for a value
 FOLD = "equals-ignore-case"
@@ -32,7 +43,7 @@ def flat(values: list[Any]) -> Iterator[Any]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leaf:
+class FieldMatcher:
     """All entries of a list; `exact` are its plain values, `present` and `absent` what it says of `exists`."""
 
     exact: frozenset[Key] = frozenset()
@@ -40,7 +51,7 @@ class Leaf:
     present: bool = False
     absent: bool = False
 
-    def judge(self, value: Any) -> int:
+    def evaluate(self, value: Any) -> int:
         """NO, ABSENT or YES for the value of an event's field; an object is none, as only leaves have values."""
         kind = type(value)
         if kind is list:
@@ -58,8 +69,8 @@ class Leaf:
         return any(condition.matches(value) for condition in self.others)
 
 
-def read_leaf(entries: list[Any], path: str, count: Callable[[str, int], None]) -> Leaf:
-    """What a list of a pattern says; `count` is told of every value that it takes, by its path."""
+def read_leaf(entries: list[Any], path: str, count: Callable[[str, int], None]) -> FieldMatcher:
+    """What a list of a pattern says; `count` is called for every value that it takes, by its path."""
     if not entries:
         raise PatternError(path, "an empty list matches nothing: name a value, or null or [{'exists': false}]")
     exact, others, exists = set(), [], set()
@@ -80,7 +91,7 @@ def read_leaf(entries: list[Any], path: str, count: Callable[[str, int], None]) 
             else:
                 count(here, len(value) if isinstance(value, list) else 0)
                 others.append(OPERATORS[name](value, here))
-    return Leaf(exact=frozenset(exact), others=tuple(others), present=True in exists, absent=False in exists)
+    return FieldMatcher(exact=frozenset(exact), others=tuple(others), present=True in exists, absent=False in exists)
 
 
 def _known() -> str:

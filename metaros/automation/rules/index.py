@@ -14,24 +14,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from metaros.rules.clauses import Clause, Path, clauses_of
-from metaros.rules.leaf import Leaf, flat
-from metaros.rules.path_table import PathTable
-from metaros.rules.pattern import Pattern, compile_pattern
+from metaros.automation.rules.clauses import Clause, Path, clauses_of
+from metaros.automation.rules.field_matcher import FieldMatcher, flat
+from metaros.automation.rules.path_table import PathTable
+from metaros.automation.rules.pattern import Pattern, compile_pattern
 
 __all__ = ["PatternIndex"]
 
 
 @dataclass(slots=True, eq=False)
-class _Spot:
+class _FieldNode:
     """A field that patterns name: its table if one asks for its value, and the fields below it."""
 
     table: PathTable | None = None
-    below: dict[str, _Spot] = field(default_factory=dict)
+    below: dict[str, _FieldNode] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _IndexedClause:
     """A clause at its bit: whose it is, its tables, and those among them in which it needs a value."""
 
     key: str
@@ -39,7 +39,7 @@ class _Place:
     exact: bool
     tables: frozenset[PathTable]
     needed: frozenset[PathTable]
-    leaves: dict[Path, Leaf]
+    leaves: dict[Path, FieldMatcher]
 
     def settled(self, below_lists: set[PathTable]) -> bool:
         """Whether that its fields hold is all: not more than one is below a list, nor may one be absent there."""
@@ -56,7 +56,7 @@ class _Found:
         self.values: dict[PathTable, list[Any]] = {}
         self.below_lists: set[PathTable] = set()
 
-    def walk(self, spot: _Spot, node: dict[str, Any], in_list: bool = False) -> None:
+    def visit(self, spot: _FieldNode, node: dict[str, Any], in_list: bool = False) -> None:
         """Through an object of the event."""
         names = spot.below if len(spot.below) <= len(node) else node
         for name in names:
@@ -64,16 +64,16 @@ class _Found:
                 value = node[name]
                 kind = type(value)
                 if kind is dict:
-                    self.walk(child, value, in_list)
+                    self.visit(child, value, in_list)
                 elif kind is list:
                     self._list(child, value, in_list)
                 elif child.table is not None:
                     self._note(child.table, value, in_list)
 
-    def _list(self, spot: _Spot, items: list[Any], in_list: bool) -> None:
+    def _list(self, spot: _FieldNode, items: list[Any], in_list: bool) -> None:
         for item in flat(items):
             if type(item) is dict:
-                self.walk(spot, item, True)
+                self.visit(spot, item, True)
             elif spot.table is not None:
                 self._note(spot.table, item, in_list)
 
@@ -87,8 +87,8 @@ class PatternIndex:
     """Patterns by keys; for one thread at a time."""
 
     def __init__(self) -> None:
-        self._root = _Spot()
-        self._places: list[_Place | None] = []
+        self._root = _FieldNode()
+        self._places: list[_IndexedClause | None] = []
         self._free: list[int] = []
         self._bits: dict[str, list[int]] = {}
         self._unanchored = 0  # clauses that hold where nothing is
@@ -119,7 +119,7 @@ class PatternIndex:
         """The keys of all patterns that the event matches, each once, in no particular order."""
         node = event if type(event) is dict else dict(event)
         found = _Found()
-        found.walk(self._root, node)
+        found.visit(self._root, node)
         there = set(found.values)
         keys: dict[str, None] = {}
         for number in _numbers(self._candidates(found)):
@@ -154,13 +154,13 @@ class PatternIndex:
         for path, leaf in clause.leaves.items():
             self._table(path).put(bit, leaf)
         tables = frozenset(self._table(path) for path in clause.leaves)
-        self._places[number] = _Place(key, pattern, clause.exact, tables, frozenset(needed), clause.leaves)
+        self._places[number] = _IndexedClause(key, pattern, clause.exact, tables, frozenset(needed), clause.leaves)
         return number
 
     def _table(self, path: Path) -> PathTable:
         spot = self._root
         for name in path:
-            spot = spot.below.setdefault(name, _Spot())
+            spot = spot.below.setdefault(name, _FieldNode())
         if spot.table is None:
             spot.table = PathTable()
         return spot.table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from metaros.rules.errors import PatternError
+from metaros.automation.rules.errors import PatternError
 
 __all__ = ["Span", "is_number", "read_span"]
 

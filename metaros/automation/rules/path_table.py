@@ -10,10 +10,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from metaros.rules.conditions import AnythingBut, Condition, Exact, Folded, InBlock, Key, Like, Prefix, Suffix, key_of
-from metaros.rules.leaf import Leaf
-from metaros.rules.marks import Blocks, Bounds, Marks, Starts
-from metaros.rules.numeric import Span, is_number
+from metaros.automation.rules.conditions import (
+    AnythingBut,
+    Condition,
+    Exact,
+    Folded,
+    InBlock,
+    Key,
+    Like,
+    Prefix,
+    Suffix,
+    key_of,
+)
+from metaros.automation.rules.field_matcher import FieldMatcher
+from metaros.automation.rules.numeric import Span, is_number
+from metaros.automation.rules.value_index import BoundIndex, CidrIndex, EqualIndex, PrefixIndex
 
 __all__ = ["PathTable"]
 
@@ -45,13 +56,15 @@ class PathTable:
         """
         self.asking = self.anchored = self.absent = self.present = 0
         self._plain_refusing = 0
-        self._exact, self._folded, self._plain_refused = Marks(), Marks(), Marks()
-        self._texts = {kind: Starts() for kind in [(Prefix, False), (Prefix, True), (Suffix, False), (Suffix, True)]}
-        self._lows, self._highs = Bounds(), Bounds()
-        self._begun: dict[str, Marks] = {}
-        self._blocks, self._others = Blocks(), Marks()
+        self._exact, self._folded, self._plain_refused = EqualIndex(), EqualIndex(), EqualIndex()
+        self._texts = {
+            kind: PrefixIndex() for kind in [(Prefix, False), (Prefix, True), (Suffix, False), (Suffix, True)]
+        }
+        self._lows, self._highs = BoundIndex(), BoundIndex()
+        self._begun: dict[str, EqualIndex] = {}
+        self._blocks, self._others = CidrIndex(), EqualIndex()
 
-    def put(self, bit: int, leaf: Leaf) -> None:
+    def put(self, bit: int, leaf: FieldMatcher) -> None:
         """A clause asks this."""
         self.asking |= bit
         self.absent |= bit if leaf.absent else 0
@@ -60,7 +73,7 @@ class PathTable:
         for marks, key in self._places(leaf):
             marks.add(key, bit)
 
-    def remove(self, bit: int, leaf: Leaf) -> None:
+    def remove(self, bit: int, leaf: FieldMatcher) -> None:
         """A clause that asked this is gone."""
         for name in ("asking", "anchored", "absent", "present", "_plain_refusing"):
             setattr(self, name, getattr(self, name) & ~bit)
@@ -68,7 +81,7 @@ class PathTable:
             marks.drop(key, bit)
         self._begun = {start: marks for start, marks in self._begun.items() if marks.bits}
 
-    def _places(self, leaf: Leaf) -> Iterator[tuple[Marks, Key]]:
+    def _places(self, leaf: FieldMatcher) -> Iterator[tuple[EqualIndex, Key]]:
         """Where a clause is marked for what it asks."""
         yield from ((self._exact, key) for key in leaf.exact)
         for condition in leaf.others:
@@ -85,9 +98,9 @@ class PathTable:
                 case Suffix(text, fold):
                     yield self._texts[Suffix, fold], text[::-1]
                 case InBlock(block):
-                    yield self._blocks, Blocks.key(block)
+                    yield self._blocks, CidrIndex.key(block)
                 case Like(wildcard):
-                    yield self._begun.setdefault(wildcard.pieces[0], Marks()), condition
+                    yield self._begun.setdefault(wildcard.pieces[0], EqualIndex()), condition
                 case _:
                     yield self._others, condition
 
@@ -131,12 +144,12 @@ def _asked(bits: dict[Condition, int], value: Any) -> int:
     return found
 
 
-def _alone(leaf: Leaf, kind: type[Condition]) -> bool:
+def _alone(leaf: FieldMatcher, kind: type[Condition]) -> bool:
     """Whether it has one condition of this kind: two spans may hold each for itself, and not between their bounds."""
     return sum(isinstance(condition, kind) for condition in leaf.others) == 1
 
 
-def _refuses_plainly(leaf: Leaf) -> bool:
+def _refuses_plainly(leaf: FieldMatcher) -> bool:
     """Whether its only refusal is one of values; of two, each holds for what the other refuses."""
     plain = any(isinstance(each, AnythingBut) and isinstance(each.conditions[0], Exact) for each in leaf.others)
     return plain and _alone(leaf, AnythingBut)

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from metaros.automation.rules.errors import PatternError
+from metaros.automation.rules.field_matcher import ABSENT, NO, YES, FieldMatcher, flat, read_leaf
 from metaros.limits import LIMITS, Limits
-from metaros.rules.errors import PatternError
-from metaros.rules.leaf import ABSENT, NO, YES, Leaf, flat, read_leaf
 
 __all__ = ["EITHER", "Branch", "Pattern", "compile_pattern"]
 
@@ -28,10 +28,10 @@ _NOTHING: dict[str, Any] = {}
 class Branch:
     """An object of a pattern: its fields, and the objects of its `$or`, of which one must hold."""
 
-    fields: tuple[tuple[str, Leaf | Branch], ...]
+    fields: tuple[tuple[str, FieldMatcher | Branch], ...]
     either: tuple[Branch, ...] = ()
 
-    def judge(self, value: Any) -> int:
+    def evaluate(self, value: Any) -> int:
         """NO, ABSENT or YES for a value of an event; what is no object has no fields."""
         if type(value) is not list:
             return self._object(value if type(value) is dict else _NOTHING)
@@ -46,7 +46,7 @@ class Branch:
     def _object(self, value: dict[str, Any]) -> int:
         best = ABSENT
         for name, part in self.fields:
-            found = part.judge(value.get(name, _NOTHING))
+            found = part.evaluate(value.get(name, _NOTHING))
             if found == NO:
                 return NO
             best = max(best, found)
@@ -68,7 +68,7 @@ class Pattern:
 
     def matches(self, event: Mapping[str, Any]) -> bool:
         """Whether an event, as JSON was read into dicts and lists, is one of those that are meant."""
-        return self.root.judge(event if type(event) is dict else dict(event)) != NO
+        return self.root.evaluate(event if type(event) is dict else dict(event)) != NO
 
 
 def compile_pattern(document: Mapping[str, Any], *, limits: Limits = LIMITS) -> Pattern:
@@ -99,7 +99,7 @@ class _Reader:
             raise PatternError(path[:200], f"is deeper than {self._limits.pattern_depth} objects (pattern_depth)")
         if not document:
             raise PatternError(path, "an empty object says nothing; every event has [{'prefix': ''}] as its source")
-        fields: list[tuple[str, Leaf | Branch]] = []
+        fields: list[tuple[str, FieldMatcher | Branch]] = []
         either: tuple[Branch, ...] = ()
         for name, value in document.items():
             if not isinstance(name, str):

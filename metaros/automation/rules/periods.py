@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from metaros.rules.errors import WhenError
-from metaros.rules.numeric import is_number
+from metaros.automation.rules.errors import WhenError
+from metaros.automation.rules.numeric import is_number
 
 __all__ = ["NS_PER_S", "read_period"]
 

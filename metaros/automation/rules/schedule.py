@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, tzinfo
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from metaros.rules.cron import Cron, read_cron
-from metaros.rules.errors import ScheduleError
+from metaros.automation.rules.cron import Cron, read_cron
+from metaros.automation.rules.errors import ScheduleError
 
 __all__ = ["Schedule"]
 

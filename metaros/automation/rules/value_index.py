@@ -1,4 +1,4 @@
-"""Sets of clauses by what they ask, as bits: by equal values, beginnings of texts, blocks of addresses, bounds.
+"""Indexes of clauses as bit sets: by equal value, text prefix, CIDR block, numeric bound.
 
 A clause is a bit and a set of them an `int`: the union of two sets of a thousand costs as much as an addition.
 """
@@ -9,15 +9,15 @@ from bisect import bisect_right
 from itertools import accumulate
 from operator import or_
 
-from metaros.rules.cidr import Block, address
-from metaros.rules.conditions import Key
+from metaros.automation.rules.cidr import Block, address
+from metaros.automation.rules.conditions import Key
 
-__all__ = ["Blocks", "Bounds", "Marks", "Starts"]
+__all__ = ["BoundIndex", "CidrIndex", "EqualIndex", "PrefixIndex"]
 
 STEP = 32
 
 
-class Marks:
+class EqualIndex:
     """By values that must be equal."""
 
     __slots__ = ("bits",)
@@ -36,7 +36,7 @@ class Marks:
             self.bits[key] = left
 
 
-class Starts(Marks):
+class PrefixIndex(EqualIndex):
     """By beginnings of texts: looked up in each length that there is."""
 
     __slots__ = ("_lengths",)
@@ -65,7 +65,7 @@ class Starts(Marks):
         return found
 
 
-class Blocks(Marks):
+class CidrIndex(EqualIndex):
     """By blocks of addresses: looked up in each length of block that there is."""
 
     __slots__ = ("_lengths",)
@@ -104,7 +104,7 @@ class Blocks(Marks):
         return found
 
 
-class Bounds(Marks):
+class BoundIndex(EqualIndex):
     """By bounds of numbers: a number, and 1 where the bound lies right behind it, else 0.
 
     Every `STEP` bounds, in their order, it has the union of all before them.

@@ -20,9 +20,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
-from metaros.rules.fields import field_at, group_of_fields
-from metaros.rules.numeric import is_number
-from metaros.rules.when_text import When
+from metaros.automation.rules.fields import field_at, group_of_fields
+from metaros.automation.rules.numeric import is_number
+from metaros.automation.rules.when_text import When
 
 __all__ = ["SLACK_NS", "State", "Step", "When", "at_rest", "due", "group_of", "step", "value_of"]
 
@@ -74,7 +74,7 @@ def step(when: When, state: State, matched: bool, value: float | None, now_ns: i
     What does not match is handed in as well where a level has an end. `value` is what `hysteresis` looks at. A timer
     that is overdue goes first; where both act, that is one `fired`.
     """
-    turn = _Turn(when, state, now_ns)
+    turn = _Evaluation(when, state, now_ns)
     turn.elapse()
     turn.observe(matched, value)
     return turn.result()
@@ -82,7 +82,7 @@ def step(when: When, state: State, matched: bool, value: float | None, now_ns: i
 
 def due(when: When, state: State, now_ns: int) -> Step:
     """The time of `due_ns` has come. A fresh state with `absent_for` begins to wait."""
-    turn = _Turn(when, state, now_ns)
+    turn = _Evaluation(when, state, now_ns)
     if when.absent_for_ns is not None and turn.since_ns is None:
         turn.since_ns = turn.now_ns
     turn.elapse()
@@ -94,7 +94,7 @@ def at_rest(when: When, state: State, now_ns: int) -> bool:
 
     For a rule without `edge`, all that is lost then is that an end of its level be told.
     """
-    turn = _Turn(when, state, now_ns)
+    turn = _Evaluation(when, state, now_ns)
     turn.elapse()
     cooling = when.cooldown_ns is not None and turn.fired_ns is not None and turn.age(turn.fired_ns) < when.cooldown_ns
     counting = when.rate is not None and any(turn.age(each) < when.rate.within_ns for each in turn.pulses_ns)
@@ -115,7 +115,7 @@ def value_of(when: When, event: Mapping[str, Any]) -> float | None:
     return value if is_number(value) else None
 
 
-class _Turn:
+class _Evaluation:
     """A state while it is worked on."""
 
     def __init__(self, when: When, state: State, now_ns: int) -> None:

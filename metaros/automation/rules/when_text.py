@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
+from metaros.automation.rules.errors import WhenError
+from metaros.automation.rules.fields import ROBOT, is_path
+from metaros.automation.rules.numeric import is_number
+from metaros.automation.rules.periods import read_period
 from metaros.limits import LIMITS, Limits
-from metaros.rules.errors import WhenError
-from metaros.rules.fields import ROBOT, is_path
-from metaros.rules.numeric import is_number
-from metaros.rules.periods import read_period
 
 __all__ = ["KEYS", "Debounce", "Edge", "Hysteresis", "Rate", "When"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from metaros.rules.errors import PatternError
+from metaros.automation.rules.errors import PatternError
 
 __all__ = ["Wildcard", "read_wildcard"]
 

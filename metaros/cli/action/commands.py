@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli import action_goal
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.action import goal
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.graph_model import Link
+    from metaros.cli.graph.model import Link
+    from metaros.cli.remote.graph import RemoteGraph
     from metaros.wire import Graph
 
 __all__ = ["register"]
@@ -26,15 +26,15 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each action's type.")] = False,
     count: Annotated[bool, typer.Option("--count-actions", "-c", help="Only how many.")] = False,
 ) -> None:
     """List the actions of the graph."""
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         found = _actions(graph)
     if count:
         out.line(str(len(found)))
@@ -48,37 +48,37 @@ def list_(
 
 
 @group.command("type")
-@visiting
-def type_(at: Visit, action: ActionArgument) -> None:
+@graph_command
+def type_(target: GraphTarget, action: ActionArgument) -> None:
     """Print an action's type."""
-    at.out.names(_one(action, at).types)
+    target.out.names(_one(action, target).types)
 
 
 @group.command("find")
-@visiting
+@graph_command
 def find(
-    at: Visit,
+    target: GraphTarget,
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as example_interfaces/action/Fibonacci.")],
     count: Annotated[bool, typer.Option("--count-actions", "-c", help="Only how many.")] = False,
 ) -> None:
     """List the actions of a type."""
-    from metaros.cli.names import known_type
+    from metaros.cli.shared.names import known_type
 
-    with at.look() as graph:
+    with target.open_graph() as graph:
         found = _actions(graph)
     full = known_type(type_name, "action", {item for link in found.values() for item in link.types})
-    at.out.names([name for name, link in found.items() if full in link.types], count=count)
+    target.out.names([name for name, link in found.items() if full in link.types], count=count)
 
 
 @group.command("info")
-@visiting
+@graph_command
 def info(
-    at: Visit,
+    target: GraphTarget,
     action: ActionArgument,
     count: Annotated[bool, typer.Option("--count", "-c", help="Only how many there are.")] = False,
 ) -> None:
     """Show an action's type, servers and clients, and what keeps them apart."""
-    out, link = at.out, _one(action, at)
+    out, link = target.out, _one(action, target)
     if out.json:
         out.objects(_facts(link))
         return
@@ -92,21 +92,21 @@ def info(
         out.note(f"{fault.source} and {fault.sink} do not fit together: {fault.text}")
 
 
-group.command("send_goal")(action_goal.send_goal)
+group.command("send_goal")(goal.send_goal)
 
 
-def _actions(graph: Graph | FarGraph) -> dict[str, Link]:
+def _actions(graph: Graph | RemoteGraph) -> dict[str, Link]:
     """By name; each with its servers as sources and its clients as sinks."""
-    from metaros.cli.graph_model import draw
+    from metaros.cli.graph.model import build_graph_model
 
-    return {link.name: link for link in draw([], graph.tokens()).links if link.kind == "action"}
+    return {link.name: link for link in build_graph_model([], graph.tokens()).links if link.kind == "action"}
 
 
-def _one(action: str, at: Visit) -> Link:
-    from metaros.cli.names import no_such
+def _one(action: str, target: GraphTarget) -> Link:
+    from metaros.cli.shared.names import no_such
 
-    name = at.absolute(action)
-    with at.look() as graph:
+    name = target.absolute(action)
+    with target.open_graph() as graph:
         found = _actions(graph)
     if name not in found:
         raise no_such("action", name, found)

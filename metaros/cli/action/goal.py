@@ -10,24 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
+from metaros.cli.shared.goal_view import show_accepted, show_part, show_status
 from metaros.limits import LIMITS
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.afar.place import RobotPlace
-    from metaros.cli.output import Output
+    from metaros.cli.remote.graph import RemoteGraph
+    from metaros.cli.remote.robot import RemoteRobot
+    from metaros.cli.shared.output import Output
     from metaros.node import Node
     from metaros.node.action import ClientGoal
     from metaros.wire import Graph
 
-__all__ = ["send_goal", "show_part"]
+__all__ = ["send_goal"]
 
 _SLICE_S = 0.05
 _CANCEL_S = 5.0
 
 
-class _Heard:
+class _FeedbackBuffer:
     """Feedback between the executor's thread and the printing one; when it is full new feedback is dropped."""
 
     def __init__(self) -> None:
@@ -49,9 +50,9 @@ class _Heard:
             return None
 
 
-@visiting
+@graph_command
 def send_goal(
-    at: Visit,
+    target: GraphTarget,
     action: Annotated[str, typer.Argument(metavar="ACTION", help="Such as /fibonacci.")],
     type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
     values: Annotated[str, typer.Argument(metavar="YAML", help="The goal's fields.")] = "",
@@ -61,57 +62,61 @@ def send_goal(
     ] = 10.0,
 ) -> None:
     """Send a goal and wait for its result; Ctrl-C cancels it. Exit code 1 unless it succeeds."""
-    from metaros.cli import running
-    from metaros.cli.types import full_type, parse_values
+    from metaros.cli.shared import running
+    from metaros.cli.shared.types import full_type, parse_values
     from metaros.errors import TimeoutError_
     from metaros.idl import message_class
     from metaros.idl.json import from_json
     from metaros.node import Node
 
-    out, name = at.out, at.absolute(action)
+    out, name = target.out, target.absolute(action)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
-    if at.place is not None:
-        _send_afar(at, at.place, name, type_or_values, values, feedback=feedback, timeout_s=timeout)
+    if target.robot is not None:
+        _send_remote(target, target.robot, name, type_or_values, values, feedback=feedback, timeout_s=timeout)
         return
-    with at.connect() as context:
+    with target.connect() as context:
         full = _type_of(context.graph, name, full_type(type_or_values, "action") if type_or_values else "")
         kind: Any = message_class(full)
         goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
         with Node("metaros_cli", context=context, enable_rosout=False) as node, _spinning(node):
-            heard = _Heard()
+            buffer = _FeedbackBuffer()
             client = node.create_action_client(kind, name)
-            if not client.wait_for_server(min(timeout, max(at.spin_time, 0.1))):
+            if not client.wait_for_server(min(timeout, max(target.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
             show_part(out, "Sending goal", goal)
             with running.stop_on_signals() as stop:  # from here on there is a goal to cancel
-                handle = client.send_goal(goal, feedback=heard.put if feedback else None, timeout_s=timeout).wait()
-                _follow(out, handle, heard, stop)
+                handle = client.send_goal(goal, feedback=buffer.put if feedback else None, timeout_s=timeout).wait()
+                _follow(out, handle, buffer, stop)
 
 
-def _send_afar(
-    at: Visit, place: RobotPlace, name: str, type_name: str, values: str, *, feedback: bool, timeout_s: float
+def _send_remote(
+    target: GraphTarget, robot: RemoteRobot, name: str, type_name: str, values: str, *, feedback: bool, timeout_s: float
 ) -> None:
-    """The same to a robot elsewhere."""
-    from metaros.cli.afar.goal import follow_goal
-    from metaros.cli.types import full_type, parse_values
+    """The same for a remote robot."""
+    from metaros.cli.remote.goal import follow_goal
+    from metaros.cli.shared.types import full_type, parse_values
     from metaros.idl import message_class
     from metaros.idl.json import from_json
 
-    with at.look() as graph:
+    with target.open_graph() as graph:
         full = _type_of(graph, name, full_type(type_name, "action") if type_name else "")
     kind: Any = message_class(full)
     goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
-    follow_goal(place, at.out, name, kind, goal, feedback=feedback, timeout_s=timeout_s)
+    follow_goal(robot, target.out, name, kind, goal, feedback=feedback, timeout_s=timeout_s)
 
 
-def _type_of(graph: Graph | FarGraph, name: str, wanted: str) -> str:
+def _type_of(graph: Graph | RemoteGraph, name: str, wanted: str) -> str:
     """The type that the action's server declares; UnavailableError where there is none."""
-    from metaros.cli.graph_model import draw
-    from metaros.cli.names import no_such
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.shared.names import no_such
     from metaros.errors import UsageError
 
-    links = {link.name: link for link in draw([], graph.tokens()).links if link.kind == "action" and link.sources}
+    links = {
+        link.name: link
+        for link in build_graph_model([], graph.tokens()).links
+        if link.kind == "action" and link.sources
+    }
     if name not in links:
         raise no_such("action", name, links)
     types = links[name].types
@@ -136,57 +141,40 @@ def _spinning(node: Node) -> Iterator[None]:
         thread.join()
 
 
-def _follow(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event) -> None:
+def _follow(out: Output, handle: ClientGoal, buffer: _FeedbackBuffer, stop: threading.Event) -> None:
     """Print what happens until the goal has ended, and exit by how it did."""
     from metaros.errors import PeerError
 
     if not handle.accepted:
         raise PeerError("the server rejected the goal\nits log may say why: metaros topic echo /rosout")
-    goal_id = handle.goal_id.hex()
-    if out.json:
-        out.object_line({"goal_id": goal_id, "accepted": True})
-    else:
-        out.line(f"Goal accepted with ID: {goal_id}\n")
-    ended = _wait(out, handle, heard, stop)
+    show_accepted(out, handle.goal_id.hex())
+    ended = _wait(out, handle, buffer, stop)
     interrupted = ended is None
     if interrupted:
         out.note("cancelling the goal …")
         handle.cancel(_CANCEL_S).wait()
         ended = handle.result(_CANCEL_S).wait()
     if out.json:
-        from metaros.cli.render import plain
+        from metaros.cli.shared.render import plain
 
         out.object_line({"status": ended.status.name, "result": plain(ended.result)})
     else:
         show_part(out, "Result", ended.result)
-        good = ended.status.name == "SUCCEEDED"
-        out.line(f"Goal finished with status: {out.style(ended.status.name, '32' if good else '31')}")
+        show_status(out, ended.status.name)
     if ended.status.name != "SUCCEEDED":
         raise typer.Exit(130 if interrupted else 1)
 
 
-def _wait(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event) -> Any:
+def _wait(out: Output, handle: ClientGoal, buffer: _FeedbackBuffer, stop: threading.Event) -> Any:
     """The goal's end, None when asked to stop; feedback that came before it is printed before it."""
     reply = handle.result()
     while not stop.is_set():
         done = reply.done
-        message = heard.get()
+        message = buffer.get()
         if message is not None:
             show_part(out, "Feedback", message)
         elif done:
-            if heard.dropped:
-                out.note(f"{heard.dropped} feedback messages came faster than they could be printed and are left out")
+            if buffer.dropped:
+                out.note(f"{buffer.dropped} feedback messages came faster than they could be printed and are left out")
             return reply.wait()
     return None
-
-
-def show_part(out: Output, title: str, message: Any) -> None:
-    """A goal, feedback or result under its title; machines get feedback here, and the rest in the lines around it."""
-    from metaros.cli.render import message_yaml, plain
-
-    if out.json:
-        if title == "Feedback":
-            out.object_line({"feedback": plain(message)})
-        return
-    body = message_yaml(message).replace("\n", "\n    ")
-    out.line(f"{out.style(f'{title}:', '1')}\n    {body or '(no fields)'}\n")

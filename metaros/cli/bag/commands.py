@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from metaros.cli import bag_export, bag_files, bag_play, bag_record
+from metaros.cli.bag import export, files, play, record
 
 __all__ = ["register"]
 
@@ -16,10 +16,10 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group)
 
 
-group.command("record")(bag_record.record)
-group.command("save")(bag_record.save)
-group.command("info")(bag_files.info)
-group.command("play")(bag_play.play)
-group.command("cut")(bag_files.cut)
-group.command("export")(bag_export.export)
-group.command("recover")(bag_files.recover)
+group.command("record")(record.record)
+group.command("save")(record.save)
+group.command("info")(files.info)
+group.command("play")(play.play)
+group.command("cut")(files.cut)
+group.command("export")(export.export)
+group.command("recover")(files.recover)

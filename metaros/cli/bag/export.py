@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 __all__ = ["export"]
 
@@ -47,7 +47,7 @@ def export(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Turn a recording into JSON lines, one CSV table a topic, or picture files."""
-    from metaros.cli.output import Output, counted
+    from metaros.cli.shared.output import Output, counted
     from metaros.errors import ConfigError, UsageError
     from metaros.record import export_csv, export_images, export_json, open_bag
 

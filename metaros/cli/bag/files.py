@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 __all__ = ["cut", "info", "recover"]
 
@@ -22,8 +22,8 @@ def info(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a recording: duration, size, topics with types, rates, gaps and QoS."""
-    from metaros.cli.bag_view import bag_facts, print_bag
-    from metaros.cli.output import Output
+    from metaros.cli.bag.view import bag_facts, print_bag
+    from metaros.cli.shared.output import Output
     from metaros.record import open_bag
 
     out = Output(output)
@@ -68,7 +68,7 @@ def recover(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Copy what is readable of a recording that was not closed, or is damaged, into a sound one."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.record import open_bag, rewrite
 
     out, source = Output(output), open_bag(bag)
@@ -80,7 +80,7 @@ def recover(
 
 
 def _say(done: object, output: Format) -> None:
-    from metaros.cli.output import Output, human_bytes
+    from metaros.cli.shared.output import Output, human_bytes
     from metaros.record import Rewritten
 
     assert isinstance(done, Rewritten)

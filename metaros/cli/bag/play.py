@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
 
 if TYPE_CHECKING:
     from metaros.record import Player, PlayerReport
@@ -50,8 +50,8 @@ def play(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Play a recording: the original names, types, hashes, QoS and bytes. Space pauses."""
-    from metaros.cli import running
-    from metaros.cli.connection import connect
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
     from metaros.errors import UsageError
     from metaros.record import Player
 
@@ -80,8 +80,8 @@ def play_recording(player: Player, *, stop: threading.Event, wait_s: float, outp
     """Play it with the space bar as pause, and say what was played."""
     from dataclasses import asdict
 
-    from metaros.cli.keys import keyboard
-    from metaros.cli.output import Output
+    from metaros.cli.shared.keys import keyboard
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
     tell = sys.stderr.isatty() and not out.json

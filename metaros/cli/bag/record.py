@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
 from metaros.limits import LIMITS
 
 if TYPE_CHECKING:
     import threading
 
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.clock import Clock
     from metaros.record import Recorder, RecordingReport
 
@@ -75,7 +75,7 @@ def record(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Record topics until Ctrl-C, with types, QoS and every gap; new topics join as they appear."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.clock import SystemClock
     from metaros.errors import UsageError
     from metaros.record import BagOptions, RingOptions
@@ -100,8 +100,8 @@ def _run(
     path: Path, out: Output, settings: dict[str, Any], duration_s: float, where: tuple[int, int], status_file: str
 ) -> None:
     """From the first sample to the last line."""
-    from metaros.cli import running
-    from metaros.cli.connection import connect
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
     from metaros.clock import SystemClock
     from metaros.record import Recorder
 
@@ -127,8 +127,8 @@ def save(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Have a running recorder write its ring to a file, and say which."""
-    from metaros.cli.connection import absolute, connect
-    from metaros.cli.output import Output
+    from metaros.cli.shared.connection import absolute, connect
+    from metaros.cli.shared.output import Output
     from metaros.errors import RecordingError, UnavailableError
     from metaros.interfaces.std_srvs.srv import Trigger
     from metaros.node import Node
@@ -179,7 +179,7 @@ def _watch(
     recorder: Recorder, out: Output, clock: Clock, duration_s: float, stop: threading.Event, asked: threading.Event
 ) -> None:
     """Until Ctrl-C, the duration, or a failure: save when asked, pause on the space bar, tell how it goes."""
-    from metaros.cli.keys import keyboard
+    from metaros.cli.shared.keys import keyboard
     from metaros.errors import MetarosError
 
     begin_s = clock.monotonic_s()
@@ -202,7 +202,7 @@ def _watch(
 
 def _progress(report: RecordingReport, elapsed_s: float) -> None:
     """One line, written over itself."""
-    from metaros.cli.output import human_bytes
+    from metaros.cli.shared.output import human_bytes
 
     state = "\x1b[33mpaused\x1b[0m   " if report.paused else ""
     ring = f"   ring {report.ring_s:.0f} s" if report.ring_s else ""
@@ -227,8 +227,8 @@ def _clear() -> str:
 
 def _conclude(out: Output, path: Path, report: RecordingReport) -> None:
     """What there is now, and what is missing."""
-    from metaros.cli.bag_view import missing_text
-    from metaros.cli.output import human_bytes
+    from metaros.cli.bag.view import missing_text
+    from metaros.cli.shared.output import human_bytes
 
     if out.json:
         facts: dict[str, Any] = {

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.output import counted, human_bytes
+from metaros.cli.shared.output import counted, human_bytes
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.record import Bag, BagTopic
     from metaros.wire import QoSProfile
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
 
 if TYPE_CHECKING:
     from threading import Event
 
     from metaros.broker import Broker, BrokerOptions
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -56,8 +56,8 @@ def broker(
     Publishers connect to port 5555, subscribers to 5556, as with the broker of `metaros` 1.x, whose programs work
     unchanged. Hosts the Zenoh router where none runs.
     """
-    from metaros.cli import extras, running
-    from metaros.cli.output import Output
+    from metaros.cli.shared import extras, running
+    from metaros.cli.shared.output import Output
 
     extras.require("zmq")
     from metaros.broker import Broker, BrokerOptions, HubOptions, TypeTable, endpoint
@@ -78,7 +78,7 @@ def broker(
     _check_ports(hub.xsub + hub.xpub)
     out = Output(output)
     with running.stop_on_signals() as stop, _router(zenoh_port) as hosted:
-        from metaros.cli.connection import connect
+        from metaros.cli.shared.connection import connect
 
         with connect(zenoh_port, domain) as context, Broker(context, options) as running_broker:
             _greet(out, options, zenoh_port, hosted=hosted)
@@ -90,7 +90,7 @@ def broker(
 
 def _check_ports(endpoints: tuple[str, ...]) -> None:
     """An error that names who has a port: nobody would find the hub on another one, so it never moves."""
-    from metaros.cli.up_ports import port_free, port_owner
+    from metaros.cli.shared.ports import port_free, port_owner
     from metaros.errors import ConfigError
 
     for where in endpoints:
@@ -106,7 +106,7 @@ def _check_ports(endpoints: tuple[str, ...]) -> None:
 @contextmanager
 def _router(port: int) -> Iterator[bool]:
     """Our own Zenoh router where there is none; whether it is ours."""
-    from metaros.cli.up_ports import port_owner
+    from metaros.cli.shared.ports import port_owner
     from metaros.errors import ConfigError
     from metaros.wire.router import open_router, probe
 
@@ -141,7 +141,7 @@ def _greet(out: Output, options: BrokerOptions, zenoh_port: int, *, hosted: bool
 
 def _watch(out: Output, broker: Broker, stop: Event) -> None:
     """Show what passes until asked to stop."""
-    from metaros.cli.broker_screen import Watcher, live, report_facts
+    from metaros.cli.broker.screen import Watcher, live, report_facts
     from metaros.clock import SystemClock
 
     watcher = Watcher(SystemClock())

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.output import counted, human_bytes
-from metaros.cli.top_meter import Meter, Rates
+from metaros.cli.shared.output import counted, human_bytes
+from metaros.cli.shared.topic_rates import RateMeter, TopicRates
 
 if TYPE_CHECKING:
     from threading import Event
@@ -26,11 +26,11 @@ _EVERY_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A report with what it means a second."""
+    """A report with the rates of its counters."""
 
     report: BrokerReport
-    rates: dict[tuple[str, str], Rates]
-    hub: Rates
+    rates: dict[tuple[str, str], TopicRates]
+    hub: TopicRates
 
 
 class Watcher:
@@ -38,15 +38,15 @@ class Watcher:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._meter = Meter()
-        self._told: set[tuple[str, str, str]] = set()
+        self._meter = RateMeter()
+        self._announced: set[tuple[str, str, str]] = set()
 
     def look(self, report: BrokerReport) -> Look:
         """The rates since some looks ago."""
         counts = {_key(row): (row.messages, row.bytes) for row in report.rows}
         counts[""] = (report.hub_frames, report.hub_bytes)
         rates = self._meter.look(self._clock.monotonic_s(), counts)
-        none = Rates(0.0, 0.0)
+        none = TopicRates(0.0, 0.0)
         by_row = {(row.topic, str(row.direction)): rates.get(_key(row), none) for row in report.rows}
         return Look(report, by_row, rates.get("", none))
 
@@ -55,8 +55,8 @@ class Watcher:
         lines = []
         for row in report.rows:
             about = row.topic, str(row.direction), row.type
-            if row.type and about not in self._told:
-                self._told.add(about)
+            if row.type and about not in self._announced:
+                self._announced.add(about)
                 lines.append(f"{row.direction}  {row.topic}  {row.type}")
         return lines
 
@@ -111,7 +111,7 @@ def render(look: Look, height: int) -> RenderableType:
     return Group(Text(), body, Text(), Text(_totals(look), style="dim"))
 
 
-def _cells(row: TopicRow, rate: Rates) -> tuple[str, ...]:
+def _cells(row: TopicRow, rate: TopicRates) -> tuple[str, ...]:
     hz = f"{rate.hz:.1f}" if rate.hz else "–"
     flow = f"{human_bytes(rate.bytes_per_s)}/s" if rate.bytes_per_s else "–"
     bad = [str(count) if count else "–" for count in (row.dropped, row.malformed)]

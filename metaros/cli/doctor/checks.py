@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from metaros.access.credentials import key_for, local_gateway
-from metaros.cli import up_ready
-from metaros.cli.extras import EXTRAS, missing_modules
-from metaros.cli.instance import data_root, running_instances
-from metaros.cli.output import counted, human_bytes
-from metaros.cli.up_ports import port_accepts, port_owner
+from metaros.cli.shared.extras import EXTRAS, missing_modules
+from metaros.cli.shared.instances import data_root, running_instances
+from metaros.cli.shared.output import counted, human_bytes
+from metaros.cli.shared.ports import port_accepts, port_owner
+from metaros.cli.up import ready
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 
@@ -117,7 +117,7 @@ class Doctor:
         return Finding("Router", "failed", f"{where} belongs to {owner}, which is no Zenoh router", fix)
 
     def _graph(self) -> Iterator[Finding]:
-        from metaros.cli.connection import connect
+        from metaros.cli.shared.connection import connect
 
         try:
             with connect(self._zenoh_port, self._domain, spin_time=1.0) as context:
@@ -131,7 +131,7 @@ class Doctor:
 
     def _canary(self, context: Context) -> Finding:
         """A message through the router to a second session and back to this process, several times."""
-        from metaros.cli.canary import round_trips
+        from metaros.cli.doctor.latency_probe import round_trips
 
         times = sorted(round_trips(context, zenoh_port=self._zenoh_port, domain=self._domain, rounds=CANARY_ROUNDS))
         if len(times) < CANARY_ROUNDS:
@@ -143,7 +143,7 @@ class Doctor:
     def _gateway(self) -> Iterator[Finding]:
         instances = running_instances()
         places = [_place(self._port)] if self._port else [found.url for found in instances]
-        if not places and port_accepts(8080) and up_ready.get_json(_place(8080), "/healthz")[0] == 200:
+        if not places and port_accepts(8080) and ready.get_json(_place(8080), "/healthz")[0] == 200:
             places = [_place(8080)]
         if not places:
             yield Finding("Gateway", "note", "none runs here", "start one: `metaros up` or `metaros gateway`")
@@ -151,12 +151,12 @@ class Doctor:
             yield self._one_gateway(where)
 
     def _one_gateway(self, where: str) -> Finding:
-        status, body = up_ready.get_json(where, "/readyz")
+        status, body = ready.get_json(where, "/readyz")
         if status == 0:
             return Finding("Gateway", "failed", f"nobody answers on {where}", "`metaros status` shows whether one runs")
         if status != 200:
             return Finding("Gateway", "failed", f"{where} is not ready: {_failing(body)}", "see its log file")
-        online = up_ready.robots_online(where, key=key_for(where))
+        online = ready.robots_online(where, key=key_for(where))
         return Finding("Gateway", "ok", f"{where} is ready, {len(online)} robots online")
 
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
 
 if TYPE_CHECKING:
-    from metaros.cli.doctor_checks import Finding
-    from metaros.cli.output import Output
+    from metaros.cli.doctor.checks import Finding
+    from metaros.cli.shared.output import Output
 
 __all__ = ["register"]
 
@@ -36,8 +36,8 @@ def doctor(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Check this machine's Meta-ROS; exit code 1 where something fails."""
-    from metaros.cli.doctor_checks import Doctor
-    from metaros.cli.output import Output
+    from metaros.cli.doctor.checks import Doctor
+    from metaros.cli.shared.output import Output
     from metaros.clock import SystemClock
 
     out = Output(output)

@@ -1,4 +1,4 @@
-"""The doctor's canary: messages from one session through the router to another, each timed."""
+"""The doctor's round-trip probe: messages from one session through the router to another, each timed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import queue
 from typing import TYPE_CHECKING
 
 from metaros.clock import SystemClock
-from metaros.waiting import WaitQueue, pause
+from metaros.concurrency.waiting import WaitQueue, pause
 
 if TYPE_CHECKING:
     from metaros.node import Context
@@ -18,7 +18,7 @@ _WAIT_S = 1.0
 
 def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) -> list[float]:
     """Seconds from publish to arrival in another session; fewer than `rounds` where messages were lost."""
-    from metaros.cli.connection import connect
+    from metaros.cli.shared.connection import connect
     from metaros.idl import message_class, type_hash
     from metaros.node import Node
     from metaros.wire import qos_default

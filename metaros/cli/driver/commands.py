@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.driver_devices import new, probe
-from metaros.cli.driver_header import header
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
+from metaros.cli.driver.devices import new, probe
+from metaros.cli.driver.header import header
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.drivers import Manifest
 
 __all__ = ["register"]
@@ -32,7 +32,7 @@ def register(app: typer.Typer) -> None:
 @group.command("list")
 def list_(output: FormatOption = Format.TEXT) -> None:
     """List the kinds of drivers there are."""
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.drivers import all_manifests
 
     Output(output).listing(
@@ -59,7 +59,7 @@ def info(
     """Show what a driver publishes, and its parameters."""
     from dataclasses import asdict
 
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.drivers import manifest_of
     from metaros.drivers.manifest import read_manifest
 
@@ -90,8 +90,8 @@ def run(
     status_file: StatusFile = "",
 ) -> None:
     """Run a driver until Ctrl-C."""
-    from metaros.cli import running
-    from metaros.cli.connection import connect
+    from metaros.cli.shared import running
+    from metaros.cli.shared.connection import connect
     from metaros.drivers.registry import device_maker, maker_in, manifest_of
     from metaros.drivers.run import run_device
     from metaros.drivers.values import read_values

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import Format, FormatOption
+from metaros.cli.shared.options import Format, FormatOption
 
 if TYPE_CHECKING:
     from metaros.drivers.probing import Found
@@ -20,9 +20,9 @@ def probe(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Look for devices; print what starts their drivers."""
-    from metaros.cli.output import Output, counted
+    from metaros.cli.shared.output import Output, counted
     from metaros.drivers import all_manifests, manifest_of
-    from metaros.drivers.probing import probe as look
+    from metaros.drivers.registry import probe as look
 
     out = Output(output)
     manifests = [manifest_of(kind) for kind in kinds] if kinds else list(all_manifests())

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from metaros.cli.gateway_http import GatewayOption
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, SpinTime, ZenohPort
-from metaros.waiting import pause
+from metaros.cli.shared.gateway_http import GatewayOption
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, SpinTime, ZenohPort
+from metaros.concurrency.waiting import pause
 
 if TYPE_CHECKING:
-    from metaros.cli.graph_model import Picture
-    from metaros.cli.output import Output
-    from metaros.cli.top_meter import Rates
+    from metaros.cli.graph.model import GraphModel
+    from metaros.cli.shared.output import Output
+    from metaros.cli.shared.topic_rates import TopicRates
     from metaros.wire import WireSession
 
 __all__ = ["register"]
@@ -83,14 +83,14 @@ def graph(
     ] = GraphFormat.TEXT,
 ) -> None:
     """Show nodes, what they publish and serve, and who reads it; what does not match is marked with the reason."""
-    from metaros.cli.options import Format
-    from metaros.cli.output import Output
+    from metaros.cli.shared.options import Format
+    from metaros.cli.shared.output import Output
 
     _check_svg(svg)
     out = Output(Format.JSON if output is GraphFormat.JSON else Format.TEXT)
     seconds = measure if svg else 0.0
     if robot:
-        whole, rates = _afar(robot, gateway, everything=everything)
+        whole, rates = _remote(robot, gateway, everything=everything)
     else:
         whole, rates = _here(zenoh_port, domain, spin_time, seconds, everything=everything)
     picture = _part(whole, word)
@@ -103,24 +103,28 @@ def graph(
 
 def _here(
     zenoh_port: int, domain: int, spin_time: float, seconds: float, *, everything: bool
-) -> tuple[Picture, dict[str, Rates]]:
-    from metaros.cli.connection import look_with_session
-    from metaros.cli.graph_model import draw
+) -> tuple[GraphModel, dict[str, TopicRates]]:
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.shared.connection import open_graph_and_session
 
-    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (session, found):
+    with open_graph_and_session(zenoh_port, domain, spin_time=spin_time) as (session, found):
         rates = _rates(session, seconds) if seconds else {}
-        return draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything), rates
+        return build_graph_model(
+            [node.full_name for node in found.nodes()], found.tokens(), everything=everything
+        ), rates
 
 
-def _afar(robot: str, gateway: str, *, everything: bool) -> tuple[Picture, dict[str, Rates]]:
-    """What the robot's agent has told: rates need no measuring of ours."""
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.afar.place import RobotPlace
-    from metaros.cli.graph_model import draw
+def _remote(robot: str, gateway: str, *, everything: bool) -> tuple[GraphModel, dict[str, TopicRates]]:
+    """The graph and the rates that the robot's agent has reported."""
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.remote.graph import RemoteGraph
+    from metaros.cli.remote.robot import RemoteRobot
 
-    place = RobotPlace(robot, gateway)
-    found = FarGraph(place.graph())
-    return draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything), place.rates()
+    place = RemoteRobot(robot, gateway)
+    found = RemoteGraph(place.graph())
+    return build_graph_model(
+        [node.full_name for node in found.nodes()], found.tokens(), everything=everything
+    ), place.rates()
 
 
 def _check_svg(file: str) -> None:
@@ -132,11 +136,11 @@ def _check_svg(file: str) -> None:
         raise UsageError(f"there is no directory {Path(file).absolute().parent}")
 
 
-def _rates(session: WireSession, seconds: float) -> dict[str, Rates]:
-    from metaros.cli.top_meter import Counts, Meter
+def _rates(session: WireSession, seconds: float) -> dict[str, TopicRates]:
+    from metaros.cli.shared.topic_rates import RateMeter, TopicCounter
     from metaros.clock import SystemClock
 
-    counts, meter, clock = Counts(session), Meter(), SystemClock()
+    counts, meter, clock = TopicCounter(session), RateMeter(), SystemClock()
     try:
         meter.look(clock.monotonic_s(), {})
         pause(seconds)
@@ -145,9 +149,9 @@ def _rates(session: WireSession, seconds: float) -> dict[str, Rates]:
         counts.close()
 
 
-def _part(whole: Picture, word: str) -> Picture:
-    from metaros.cli.connection import closest
-    from metaros.cli.graph_model import restrict
+def _part(whole: GraphModel, word: str) -> GraphModel:
+    from metaros.cli.graph.model import restrict
+    from metaros.cli.shared.connection import closest
     from metaros.errors import UnavailableError
 
     picture = restrict(whole, word) if word else whole
@@ -157,9 +161,9 @@ def _part(whole: Picture, word: str) -> Picture:
     return picture
 
 
-def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: str, where: str) -> None:
-    from metaros.cli.graph_svg import svg
-    from metaros.cli.graph_text import summary
+def _draw(out: Output, picture: GraphModel, rates: dict[str, TopicRates] | None, file: str, where: str) -> None:
+    from metaros.cli.graph.svg import svg
+    from metaros.cli.graph.text import summary
 
     counts = summary(picture, lambda words, _: words).replace("  ", " · ")
     text = svg(picture, rates, heading=f"ROS graph\n{counts} · {where}")
@@ -170,8 +174,8 @@ def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: s
         out.note(f"drawn: {file}")
 
 
-def _print(out: Output, picture: Picture, output: GraphFormat) -> None:
-    from metaros.cli.graph_text import dot, mermaid, summary, tree
+def _print(out: Output, picture: GraphModel, output: GraphFormat) -> None:
+    from metaros.cli.graph.text import dot, mermaid, summary, tree
 
     if output is GraphFormat.JSON:
         out.objects(asdict(picture))

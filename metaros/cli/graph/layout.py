@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-from metaros.cli.graph_layers import Arc, Cell, columns_of, place, sort_columns
+from metaros.cli.graph.layers import Arc, Cell, columns_of, place, sort_columns
 
 __all__ = ["Box", "Plan", "Rect", "lay_out"]
 

@@ -1,4 +1,4 @@
-"""The graph as a picture: nodes, and what links them, with what keeps two ends apart. Pure.
+"""The model of a drawn graph: nodes, links between them, and mismatches of endpoints. Pure.
 
 A link is a topic, a service, or an action, whose five endpoints (names with `/_action/`) are drawn as one.
 """
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaros.wire import EndpointToken
 
-__all__ = ["End", "Fault", "Link", "Picture", "draw", "restrict"]
+__all__ = ["Fault", "GraphModel", "Link", "LinkEndpoint", "build_graph_model", "restrict"]
 
 ACTION = "/_action/"
 # What every node has, and what nobody wants to see a hundred times.
@@ -43,7 +43,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class LinkEndpoint:
     """One endpoint of a link: whose it is, what it is (`publisher`, `subscription` …), and its QoS in words."""
 
     node: str
@@ -61,7 +61,7 @@ class Link:
     sources: tuple[str, ...]
     sinks: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
-    ends: tuple[End, ...] = ()
+    ends: tuple[LinkEndpoint, ...] = ()
 
     def fault(self, source: str, sink: str) -> Fault | None:
         """What stands between two nodes, if anything."""
@@ -73,8 +73,8 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """Everything that is drawn."""
+class GraphModel:
+    """Nodes and links to draw."""
 
     nodes: tuple[str, ...]
     links: tuple[Link, ...]
@@ -84,12 +84,12 @@ class Picture:
         """All faults."""
         return tuple(fault for link in self.links for fault in link.faults)
 
-    def without_idle_services(self) -> Picture:
+    def without_idle_services(self) -> GraphModel:
         """The same without services that nobody calls: each node has some, and they link nothing."""
-        return Picture(self.nodes, tuple(link for link in self.links if link.kind != "service" or link.sinks))
+        return GraphModel(self.nodes, tuple(link for link in self.links if link.kind != "service" or link.sinks))
 
 
-def draw(nodes: Iterable[str], tokens: Iterable[EndpointToken], *, everything: bool = False) -> Picture:
+def build_graph_model(nodes: Iterable[str], tokens: Iterable[EndpointToken], *, everything: bool = False) -> GraphModel:
     """The picture of a graph; with `everything` also what each node has, and actions as their five endpoints."""
     names = set(nodes)
     groups: dict[tuple[str, str], list[EndpointToken]] = {}
@@ -100,16 +100,16 @@ def draw(nodes: Iterable[str], tokens: Iterable[EndpointToken], *, everything: b
             groups.setdefault((kind, name), []).append(token)
     order = {"topic": 0, "action": 1, "service": 2}
     keys = sorted(groups, key=lambda key: (order[key[0]], key[1]))
-    return Picture(tuple(sorted(names)), tuple(_link(*key, groups[key]) for key in keys))
+    return GraphModel(tuple(sorted(names)), tuple(_link(*key, groups[key]) for key in keys))
 
 
-def restrict(picture: Picture, word: str) -> Picture:
+def restrict(picture: GraphModel, word: str) -> GraphModel:
     """Only the nodes and links whose name contains `word`, and what they are linked to."""
     links = tuple(
         link for link in picture.links if any(word in name for name in (link.name, *link.sources, *link.sinks))
     )
     ends = {name for link in links for name in (*link.sources, *link.sinks)}
-    return Picture(tuple(name for name in picture.nodes if word in name or name in ends), links)
+    return GraphModel(tuple(name for name in picture.nodes if word in name or name in ends), links)
 
 
 def _link_of(token: EndpointToken, everything: bool) -> tuple[str, str]:
@@ -125,8 +125,8 @@ def _usual(kind: str, name: str) -> bool:
 
 
 def _link(kind: str, name: str, tokens: list[EndpointToken]) -> Link:
-    from metaros.cli.endpoints import qos_words
-    from metaros.wire.tokens import ENDPOINT_KINDS
+    from metaros.cli.shared.endpoints import qos_words
+    from metaros.wire.liveliness_tokens import ENDPOINT_KINDS
 
     if kind == "action":  # whoever has its service is an end of it; feedback flows the other way than goals
         ends = [token for token in tokens if token.kind in ("SS", "SC")] or tokens
@@ -136,7 +136,7 @@ def _link(kind: str, name: str, tokens: list[EndpointToken]) -> Link:
         types = {token.type_name for token in tokens}
     sources = {token.node.full_name for token in ends if token.kind in ("MP", "SS")}
     sinks = {token.node.full_name for token in ends if token.kind in ("MS", "SC")}
-    said = {End(token.node.full_name, ENDPOINT_KINDS[token.kind], qos_words(token.qos)) for token in ends}
+    said = {LinkEndpoint(token.node.full_name, ENDPOINT_KINDS[token.kind], qos_words(token.qos)) for token in ends}
     return Link(
         kind,
         name,
@@ -153,12 +153,12 @@ def _action_type(type_name: str) -> str:
 
 
 def _faults(tokens: list[EndpointToken]) -> tuple[Fault, ...]:
-    from metaros.wire.matching import obstacle
+    from metaros.wire.matching import mismatch
 
     found: dict[tuple[str, str, str], Fault] = {}
     for source in (token for token in tokens if token.kind in ("MP", "SS")):
         for sink in (token for token in tokens if token.kind in ("MS", "SC")):
-            if (seen := obstacle(source, sink)) is not None:
+            if (seen := mismatch(source, sink)) is not None:
                 fault = Fault(seen.code, source.node.full_name, sink.node.full_name, _why(seen, source, sink))
                 found.setdefault((fault.source, fault.sink, fault.code), fault)
     return tuple(found.values())

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping
 from html import escape
 from typing import TYPE_CHECKING
 
-from metaros.cli.graph_layout import Box, Plan, Rect, Route, lay_out
-from metaros.cli.graph_model import Fault, Link, Picture
-from metaros.cli.graph_style import STYLE
-from metaros.cli.output import counted, human_bytes
+from metaros.cli.graph.layout import Box, Plan, Rect, Route, lay_out
+from metaros.cli.graph.model import Fault, GraphModel, Link
+from metaros.cli.graph.style import STYLE
+from metaros.cli.shared.output import counted, human_bytes
 
 if TYPE_CHECKING:
-    from metaros.cli.top_meter import Rates
+    from metaros.cli.shared.topic_rates import TopicRates
 
 __all__ = ["svg"]
 
@@ -39,7 +39,7 @@ LEGEND = (
 _UNPRINTABLE = re.compile(r"[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def svg(picture: Picture, rates: Mapping[str, Rates] | None = None, *, heading: str = "ROS graph") -> str:
+def svg(picture: GraphModel, rates: Mapping[str, TopicRates] | None = None, *, heading: str = "ROS graph") -> str:
     """The whole document. `rates` by topic; without them none are shown."""
     names = _namespaces(picture)
     links = {f"{link.kind} {link.name}": link for link in picture.links}
@@ -55,7 +55,7 @@ def svg(picture: Picture, rates: Mapping[str, Rates] | None = None, *, heading: 
     return "\n".join(_page(plan, body, picture, heading)) + "\n"
 
 
-def _namespaces(picture: Picture) -> frozenset[str]:
+def _namespaces(picture: GraphModel) -> frozenset[str]:
     """First parts of names that are some node's namespace."""
     return frozenset(f"/{node.split('/')[1]}" for node in picture.nodes if node.count("/") > 1)
 
@@ -76,7 +76,7 @@ def _wide(text: str, size: float) -> float:
     return len(text) * size * EM
 
 
-def _node_box(node: str, picture: Picture, names: frozenset[str]) -> Box:
+def _node_box(node: str, picture: GraphModel, names: frozenset[str]) -> Box:
     """Higher where many arcs end."""
     busiest = max(sum(node in getattr(link, side) for link in picture.links) for side in ("sources", "sinks"))
     height = min(max(NODE_HEIGHT, 16.0 + 5.0 * busiest), 2.5 * NODE_HEIGHT)
@@ -89,7 +89,7 @@ def _link_box(link: Link, facts: tuple[str, str], names: frozenset[str]) -> Box:
     return Box(round(width + 2 * PADDING), LINK_HEIGHT, _group(link.name, names))
 
 
-def _facts(link: Link, rates: Mapping[str, Rates] | None) -> tuple[str, str]:
+def _facts(link: Link, rates: Mapping[str, TopicRates] | None) -> tuple[str, str]:
     """The second line of a link: its type without the middle part, and how often it comes."""
     types = " or ".join(re.sub(r"/(msg|srv|action)/", "/", name) for name in link.types)
     types = types if len(types) <= LONGEST else f"{types[: LONGEST - 1]}…"
@@ -114,7 +114,7 @@ def _frames(plan: Plan) -> Iterator[str]:
         yield f'<g class="frame">{_rect(at, 12)}<text x="{at.x + 14:g}" y="{at.y + 20:g}">{_safe(name)}</text></g>'
 
 
-def _edges(plan: Plan, picture: Picture) -> Iterator[str]:
+def _edges(plan: Plan, picture: GraphModel) -> Iterator[str]:
     for link in picture.links:
         middle = f"{link.kind} {link.name}"
         bad = {fault.sink: "part" if link.hears(fault.sink) else "fault" for fault in link.faults}
@@ -138,7 +138,7 @@ def _curve(route: Route) -> str:
     return "".join(parts)
 
 
-def _node(node: str, at: Rect, picture: Picture, names: frozenset[str]) -> Iterator[str]:
+def _node(node: str, at: Rect, picture: GraphModel, names: frozenset[str]) -> Iterator[str]:
     sends = [link for link in picture.links if node in link.sources]
     takes = [link for link in picture.links if node in link.sinks]
     lines = [node]
@@ -155,7 +155,7 @@ def _node(node: str, at: Rect, picture: Picture, names: frozenset[str]) -> Itera
 
 
 def _link(
-    link: Link, at: Rect, facts: tuple[str, str], names: frozenset[str], rates: Mapping[str, Rates] | None
+    link: Link, at: Rect, facts: tuple[str, str], names: frozenset[str], rates: Mapping[str, TopicRates] | None
 ) -> Iterator[str]:
     lonely = "" if link.sources else " lonely"
     bar = f'<rect class="bar" x="{at.x + 1.5:g}" y="{at.y + 8:g}" width="3" height="{at.height - 16:g}" rx="1.5"/>'
@@ -166,7 +166,7 @@ def _link(
     yield f'<g class="{link.kind}{lonely}{ill}">{_title(_about(link, rates))}{_rect(at, 7)}{bar}{texts}</g>'
 
 
-def _about(link: Link, rates: Mapping[str, Rates] | None) -> Iterator[str]:
+def _about(link: Link, rates: Mapping[str, TopicRates] | None) -> Iterator[str]:
     yield f"{link.kind} {link.name}"
     yield " or ".join(link.types)
     if rates and (rate := rates.get(link.name)) and rate.hz:
@@ -184,7 +184,7 @@ def _fault_line(name: str, fault: Fault) -> str:
     return f"✗ {name}: {fault.source} → {fault.sink}: {fault.text}"
 
 
-def _page(plan: Plan, body: list[str], picture: Picture, heading: str) -> Iterator[str]:
+def _page(plan: Plan, body: list[str], picture: GraphModel, heading: str) -> Iterator[str]:
     faults = [_fault_line(link.name, fault) for link in picture.links for fault in link.faults]
     if len(faults) > FAULT_LINES:
         faults[FAULT_LINES:] = [f"and {len(faults) - FAULT_LINES} more"]
@@ -217,7 +217,7 @@ def _page(plan: Plan, body: list[str], picture: Picture, heading: str) -> Iterat
     yield "</svg>"
 
 
-def _legend(picture: Picture) -> Iterator[tuple[str, str]]:
+def _legend(picture: GraphModel) -> Iterator[tuple[str, str]]:
     shown = {"node", *(link.kind for link in picture.links)}
     shown |= {"lonely"} if any(not link.sources for link in picture.links) else set()
     shown |= {"fault"} if picture.faults else set()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from metaros.cli.graph_model import Link, Picture
-from metaros.cli.output import counted
+from metaros.cli.graph.model import GraphModel, Link
+from metaros.cli.shared.output import counted
 
 __all__ = ["dot", "mermaid", "summary", "tree"]
 
@@ -15,20 +15,20 @@ TAGS = {"topic": "", "service": "service ", "action": "action "}
 LONELY = {"topic": "nobody publishes", "service": "nobody serves", "action": "nobody serves"}
 
 
-def tree(picture: Picture, style: Style) -> Iterator[str]:
+def tree(picture: GraphModel, style: Style) -> Iterator[str]:
     """Each node, below it what it publishes and serves, below that who reads or calls; and what it awaits in vain."""
     for node in picture.nodes:
         out = [link for link in picture.links if node in link.sources]
         awaited = [link for link in picture.links if node in link.sinks and not link.sources]
-        heard = sum(link.hears(node) for link in picture.links)
-        reads = style(f"   reads and calls {heard}", DIM) if heard and not out else ""
+        receivers = sum(link.hears(node) for link in picture.links)
+        reads = style(f"   reads and calls {receivers}", DIM) if receivers and not out else ""
         yield f"{style(node, BOLD)}{reads}"
         rows = [*((link, True) for link in out), *((link, False) for link in awaited)]
         for number, (link, ours) in enumerate(rows, start=1):
             yield from _branch(node, link, style, ours=ours, last=number == len(rows))
 
 
-def summary(picture: Picture, style: Style) -> str:
+def summary(picture: GraphModel, style: Style) -> str:
     """One line: how much there is, and whether anything is wrong."""
     counts = [len(picture.nodes)] + [sum(link.kind == kind for link in picture.links) for kind in TAGS]
     words = [counted(n, word) for n, word in zip(counts, ("node", "topic", "service", "action"), strict=True) if n]
@@ -55,7 +55,7 @@ def _end(link: Link, source: str, sink: str, style: Style) -> str:
     return f"{style('✗', RED)} {sink}  {style(fault.text, RED)}"
 
 
-def dot(picture: Picture) -> Iterator[str]:
+def dot(picture: GraphModel) -> Iterator[str]:
     """For graphviz: `metaros graph -o dot | dot -Tsvg > graph.svg`."""
     yield "digraph metaros {"
     yield '  graph [rankdir=LR, fontname="Helvetica"];'
@@ -85,7 +85,7 @@ def _edges(link: Link) -> Iterator[str]:
         yield f"  {ends[0]} -> {ends[1]} [color=red, fontcolor=red, style=dashed, label={_text(fault.text)}];"
 
 
-def mermaid(picture: Picture) -> Iterator[str]:
+def mermaid(picture: GraphModel) -> Iterator[str]:
     """For Mermaid, which GitHub draws in Markdown: a fault is a dotted arrow with its reason."""
     shapes = {"topic": '["{}"]', "service": '{{{{"{}"}}}}', "action": '[["{}"]]'}
     ids = {f"node {node}": f"n{number}" for number, node in enumerate(picture.nodes)}

@@ -1,8 +1,8 @@
 """A topic's bytes read by the main thread, and the rate of what arrives.
 
-They come from this machine's graph (`GraphSource`) or, of a robot elsewhere, by its gateway (`afar.listen`). Zenoh's
-thread only stamps a sample and puts it into a queue of at most `LIMITS.ingress_bytes`; when that is full, new samples
-are dropped and counted, because someone who looks on must not hold up whom he watches.
+They come from this machine's graph (`LocalTopicSource`) or from a remote robot by its gateway (`RemoteTopicSource`).
+Zenoh's thread only stamps a sample and puts it into a queue of at most `LIMITS.ingress_bytes`; when that is full, new
+samples are dropped and counted: a reader must never slow down the publisher.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Protocol
 
-from metaros.cli.connection import connect
-from metaros.cli.topic_find import find_topic
+from metaros.cli.shared.connection import connect
+from metaros.cli.shared.topic_lookup import find_topic
 from metaros.clock import SystemClock
+from metaros.concurrency.waiting import WaitQueue
 from metaros.errors import TimeoutError_
 from metaros.limits import LIMITS
-from metaros.waiting import WaitQueue
 
 if TYPE_CHECKING:
-    from metaros.cli.topic_find import FoundTopic
+    from metaros.cli.shared.topic_lookup import FoundTopic
 
-__all__ = ["GraphSource", "Listener", "Meter", "Rate", "Source"]
+__all__ = ["Listener", "LocalTopicSource", "Rate", "TopicMeter", "TopicSource"]
 
 _SLICE_S = 0.1  # waiting in slices keeps Ctrl-C immediate on every platform
 REPORT_S = 1.0
 _FIRST_GAP_S = 60.0  # so long one message waits for a second one: slow topics have a rate, too
 
 
-class Meter(Protocol):
-    """What a listener feeds."""
+class TopicMeter(Protocol):
+    """What computes statistics of a topic from its samples."""
 
     def add(self, now: float, payload: bytes) -> None:
         """A message arrived at `now`, by the monotonic clock."""
@@ -41,7 +41,7 @@ class Meter(Protocol):
         """What is known by `now`; a `window` below 2 means that there is nothing to say."""
 
 
-class Source(Protocol):
+class TopicSource(Protocol):
     """Where a topic's samples come from."""
 
     dropped: int
@@ -56,7 +56,7 @@ class Source(Protocol):
 class Listener:
     """Subscribe in a context manager; `payloads()` gives CDR bytes as they come."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: TopicSource) -> None:
         self._source = source
         self._clock = SystemClock()
         self._stack = ExitStack()
@@ -81,7 +81,7 @@ class Listener:
             elif timeout_s and self._clock.monotonic_s() - last >= timeout_s:
                 raise TimeoutError_(f"no message on {self.found.name} within {timeout_s:g} s")
 
-    def reports(self, meter: Meter) -> Iterator[dict[str, Any]]:
+    def reports(self, meter: TopicMeter) -> Iterator[dict[str, Any]]:
         """Feed `meter` and give its report once a second."""
         due = self._clock.monotonic_s() + REPORT_S
         while True:
@@ -93,7 +93,7 @@ class Listener:
                 meter.add(*item)
 
 
-class GraphSource:
+class LocalTopicSource:
     """A raw subscription in this machine's graph."""
 
     def __init__(
@@ -110,7 +110,7 @@ class GraphSource:
         self.dropped = 0
 
     def open(self, stack: ExitStack) -> FoundTopic:
-        """See Source."""
+        """See `TopicSource`."""
         from metaros.node import Node
 
         context = stack.enter_context(connect(*self._where))
@@ -121,7 +121,7 @@ class GraphSource:
         return found
 
     def next(self, timeout_s: float) -> tuple[float, bytes] | None:
-        """See Source."""
+        """See `TopicSource`."""
         try:
             item = self._queue.get(timeout_s)
         except queue.Empty:

@@ -1,13 +1,13 @@
-"""What every command takes that looks at the graph: where that is, how long to look, and how to print.
+"""`GraphTarget`: the graph that a command reads, with the options that say which one, and its output.
 
     @group.command("type")
-    @visiting
-    def type_(at: Visit, topic: TopicArgument) -> None:
-        with at.look() as graph:
-            at.out.names(...)
+    @graph_command
+    def type_(target: GraphTarget, topic: TopicArgument) -> None:
+        with target.open_graph() as graph:
+            target.out.names(...)
 
-has the options of `OPTIONS` besides its own argument. With `--robot ID` the graph is that of a robot elsewhere, as its
-gateway tells it: the command says the same of either.
+has the options of `OPTIONS` besides its own argument. With `--robot ID` the graph is that of a remote robot,
+read from its gateway; the command prints the same for either.
 """
 
 from __future__ import annotations
@@ -19,20 +19,28 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.gateway_http import GatewayOption
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
-from metaros.cli.output import Output
+from metaros.cli.shared.gateway_http import GatewayOption
+from metaros.cli.shared.options import (
+    DEFAULT_ZENOH_PORT,
+    Domain,
+    Format,
+    FormatOption,
+    RobotOption,
+    SpinTime,
+    ZenohPort,
+)
+from metaros.cli.shared.output import Output
 from metaros.errors import UsageError
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.afar.node import FarNode
-    from metaros.cli.afar.place import RobotPlace
-    from metaros.cli.listen import Listener
+    from metaros.cli.graph_target.listener import Listener
+    from metaros.cli.remote.graph import RemoteGraph
+    from metaros.cli.remote.node import RemoteNode
+    from metaros.cli.remote.robot import RemoteRobot
     from metaros.node import Context, Node
     from metaros.wire import Graph
 
-__all__ = ["OPTIONS", "Visit", "visiting"]
+__all__ = ["OPTIONS", "GraphTarget", "graph_command"]
 
 OPTIONS: tuple[tuple[str, Any, Any], ...] = (
     ("zenoh_port", ZenohPort, DEFAULT_ZENOH_PORT),
@@ -45,40 +53,40 @@ OPTIONS: tuple[tuple[str, Any, Any], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Visit:
-    """One command's way to the graph, and its standard output."""
+class GraphTarget:
+    """The local or remote graph that one command reads, and its standard output."""
 
     zenoh_port: int
     domain: int
     spin_time: float
     out: Output
-    place: RobotPlace | None = None  # the robot that is meant; None: this machine's graph
+    robot: RemoteRobot | None = None  # the robot that is meant; None: this machine's graph
 
-    def look(self) -> AbstractContextManager[Graph | FarGraph]:
+    def open_graph(self) -> AbstractContextManager[Graph | RemoteGraph]:
         """The graph alone, settled: for commands that only look."""
-        if self.place is not None:
-            from metaros.cli.afar.graph import FarGraph
+        if self.robot is not None:
+            from metaros.cli.remote.graph import RemoteGraph
 
-            return nullcontext(FarGraph(self.place.graph()))
-        from metaros.cli.connection import look
+            return nullcontext(RemoteGraph(self.robot.graph()))
+        from metaros.cli.shared.connection import open_graph
 
-        return look(self.zenoh_port, self.domain, spin_time=self.spin_time)
+        return open_graph(self.zenoh_port, self.domain, spin_time=self.spin_time)
 
     def connect(self) -> AbstractContextManager[Context]:
-        """A context whose graph has settled; UsageError for what cannot be done from afar."""
-        if self.place is not None:
+        """A context whose graph has settled; UsageError for a remote robot."""
+        if self.robot is not None:
             raise UsageError("this needs the graph of this machine: leave --robot out")
-        from metaros.cli.connection import connect
+        from metaros.cli.shared.connection import connect
 
         return connect(self.zenoh_port, self.domain, spin_time=self.spin_time)
 
     @contextmanager
-    def node(self) -> Iterator[Node | FarNode]:
+    def node(self) -> Iterator[Node | RemoteNode]:
         """A short-lived node that calls services, in a graph that has settled."""
-        if self.place is not None:
-            from metaros.cli.afar.node import FarNode
+        if self.robot is not None:
+            from metaros.cli.remote.node import RemoteNode
 
-            yield FarNode(self.place)
+            yield RemoteNode(self.robot)
             return
         from metaros.node import Node
 
@@ -88,29 +96,29 @@ class Visit:
 
     def listen(self, topic: str, type_name: str = "", *, raw: bool = False) -> Listener:
         """A topic's messages as they come; `raw`: only their bytes matter."""
-        from metaros.cli.listen import GraphSource, Listener, Source
+        from metaros.cli.graph_target.listener import Listener, LocalTopicSource, TopicSource
 
-        source: Source
-        if self.place is not None:
-            from metaros.cli.afar.listen import FarSource
+        source: TopicSource
+        if self.robot is not None:
+            from metaros.cli.remote.topic_source import RemoteTopicSource
 
-            source = FarSource(self.place, topic, type_name, raw=raw)
+            source = RemoteTopicSource(self.robot, topic, type_name, raw=raw)
         else:
             where = {"zenoh_port": self.zenoh_port, "domain": self.domain}
-            source = GraphSource(topic, type_name, **where, spin_time=self.spin_time, raw=raw)
+            source = LocalTopicSource(topic, type_name, **where, spin_time=self.spin_time, raw=raw)
         return Listener(source)
 
     def absolute(self, name: str) -> str:
-        """A name as typed, from the root; of a robot elsewhere a relative one lies in its namespace."""
-        if self.place is not None:
-            return self.place.absolute(name)
-        from metaros.cli.connection import absolute
+        """A name as typed, from the root; of a remote robot a relative one lies in its namespace."""
+        if self.robot is not None:
+            return self.robot.absolute(name)
+        from metaros.cli.shared.connection import absolute
 
         return absolute(name)
 
 
-def visiting(command: Callable[..., None]) -> Callable[..., None]:
-    """A command for typer: its own parameters, then the options that make the `Visit` it gets first."""
+def graph_command(command: Callable[..., None]) -> Callable[..., None]:
+    """A command for typer: its own parameters, then the options that make the `GraphTarget` it gets first."""
     signature = inspect.signature(command, eval_str=True)
     own = [parameter.replace(kind=parameter.KEYWORD_ONLY) for parameter in list(signature.parameters.values())[1:]]
     shared = [
@@ -123,9 +131,9 @@ def visiting(command: Callable[..., None]) -> Callable[..., None]:
     def visit(**given: Any) -> None:
         said = {parameter.name: given.pop(parameter.name) for parameter in shared}
         asked = {**given, **said}  # a command may have its own words for --robot
-        place = _place(asked["robot"], asked["gateway"])
-        at = Visit(said["zenoh_port"], said["domain"], said["spin_time"], Output(said["output"]), place)
-        command(at, **given)
+        robot = _robot(asked["robot"], asked["gateway"])
+        target = GraphTarget(said["zenoh_port"], said["domain"], said["spin_time"], Output(said["output"]), robot)
+        command(target, **given)
 
     visit.__signature__ = signature.replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
     # typer asks for the hints, too
@@ -133,9 +141,9 @@ def visiting(command: Callable[..., None]) -> Callable[..., None]:
     return visit
 
 
-def _place(robot: str, gateway: str) -> RobotPlace | None:
+def _robot(robot: str, gateway: str) -> RemoteRobot | None:
     if not robot:
         return None
-    from metaros.cli.afar.place import RobotPlace
+    from metaros.cli.remote.robot import RemoteRobot
 
-    return RobotPlace(robot, gateway)
+    return RemoteRobot(robot, gateway)

@@ -1,4 +1,4 @@
-"""Run as `python -m metaros.cli.launch_child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
+"""Run as `python -m metaros.cli.launch.child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
 
 With `spare` alone it stands by until a line on its input tells which node to be. It asks by itself to die with the
 launcher, which saves the interpreter that the guard would cost, takes the `--ros-args` out of the command line for the
@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import sys
 
-from metaros.supervise import guard
+from metaros.supervise import parent_death
 
 __all__ = ["main"]
 
@@ -20,9 +20,9 @@ CONFIG_EXIT_CODE = 78
 
 def main() -> None:
     """Be the node; exit code 78 where its configuration is wrong, so that nobody starts it again in vain."""
-    parent = os.environ.get(guard.PARENT, "")
+    parent = os.environ.get(parent_death.PARENT, "")
     if parent.isdigit():
-        guard.die_with_parent(int(parent))
+        parent_death.die_with_parent(int(parent))
     from metaros.errors import ConfigError, NameError_, ParameterError
 
     arguments = sys.argv[1:]
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def _stand_by() -> list[str]:
-    """Import what every node needs, and wait to be told which to be; at the end of the input nobody needs us."""
+    """Import what every node needs, and wait for the line that names the node; at the end of the input exit."""
     import json
     from importlib import import_module
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
 
 if TYPE_CHECKING:
-    from metaros.cli.launch_plan import Place
+    from metaros.cli.launch.plan import Place
     from metaros.supervise import LaunchTable
 
 __all__ = ["register"]
@@ -46,7 +46,7 @@ def launch(
     from metaros.errors import ConfigError
 
     if what in REQUESTS:
-        from metaros.cli.launch_request import request
+        from metaros.cli.launch.request import request
 
         request(what, node, zenoh_port=zenoh_port, domain=domain, output=output)
         return
@@ -58,8 +58,8 @@ def launch(
 def _launch(
     path: Path, *, check: bool, dry_run: bool, plain: bool, log_dir: Path | None, port: int, domain: int
 ) -> None:
-    from metaros.cli.instance import data_root
-    from metaros.cli.launch_plan import Place, check_exists
+    from metaros.cli.launch.plan import Place, check_exists
+    from metaros.cli.shared.instances import data_root
     from metaros.supervise import read_table
 
     table = read_table(path)
@@ -70,7 +70,7 @@ def _launch(
         count = len(table.nodes)
         typer.echo(f"{path}: good, {count} node{'' if count == 1 else 's'}")
     elif dry_run:
-        from metaros.cli.launch_show import show
+        from metaros.cli.launch.dry_run import show
 
         show(table, place)
     else:
@@ -80,8 +80,8 @@ def _launch(
 def _run(table: LaunchTable, place: Place, *, plain: bool) -> None:
     import asyncio
 
-    from metaros.cli.launch_run import run
-    from metaros.cli.launch_screen import Screen
+    from metaros.cli.launch.run import run
+    from metaros.cli.launch.screen import Screen
     from metaros.cli.router import open_or_join
     from metaros.clock import SystemClock, system_rng
 

@@ -6,12 +6,12 @@ import shlex
 import sys
 from typing import TYPE_CHECKING
 
-from metaros.cli.launch_plan import launches
-from metaros.cli.output import Output
-from metaros.supervise.policy import Restart
+from metaros.cli.launch.plan import launches
+from metaros.cli.shared.output import Output
+from metaros.supervise.restart_policy import Restart
 
 if TYPE_CHECKING:
-    from metaros.cli.launch_plan import Place
+    from metaros.cli.launch.plan import Place
     from metaros.supervise import Launch, LaunchTable, NodeRow
 
 __all__ = ["show"]

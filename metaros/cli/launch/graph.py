@@ -1,4 +1,4 @@
-"""The launcher in the graph: it sees its nodes come, tells what happens to them, and takes requests from elsewhere.
+"""The launcher in the graph: it sees its nodes appear, publishes their events, and serves requests of other processes.
 
 Events go out on /metaros/node_events as metaros_msgs/msg/NodeEvent; requests come as Zenoh queries on
 `@metaros/<domain>/<zenoh id>/launch`, in JSON.
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import zenoh
 
-from metaros.cli.launch_keys import request_key
+from metaros.cli.launch.keys import request_key
 from metaros.errors import MetarosError
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.metaros_msgs.msg import NodeEvent
@@ -67,7 +67,7 @@ class LaunchGraph:
         """Whether a node of this name is in the graph now."""
         return any(node.full_name == full_name for node in self._context.graph.nodes())
 
-    def tell(self, event: Event, node: str) -> None:
+    def report(self, event: Event, node: str) -> None:
         """Publish what happened to `node`."""
         kind = _WORDS.get(event.kind, "")
         if event.kind is EventKind.STARTED:

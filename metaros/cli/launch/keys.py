@@ -1,4 +1,4 @@
-"""Where a launcher listens for requests: light, so that asking loads no node."""
+"""The key on which a launcher receives requests. Light: sending a request loads no node."""
 
 from __future__ import annotations
 

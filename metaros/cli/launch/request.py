@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.options import Format
+from metaros.cli.shared.options import Format
 from metaros.errors import ConfigError, PeerError, UnavailableError
 
 if TYPE_CHECKING:
@@ -19,13 +19,13 @@ _STATUS_S = 3.0
 
 def request(what: str, node: str, *, zenoh_port: int, domain: int, output: Format) -> None:
     """Send it, print the nodes as they are then."""
-    from metaros.cli.connection import look_with_session
-    from metaros.cli.launch_screen import status_rows
-    from metaros.cli.output import Output
+    from metaros.cli.launch.screen import status_rows
+    from metaros.cli.shared.connection import open_graph_and_session
+    from metaros.cli.shared.output import Output
 
     if what != "status" and not node:
         raise ConfigError(f"which node? metaros launch {what} NODE; metaros launch status lists them")
-    with look_with_session(zenoh_port, domain, spin_time=0.3) as (session, _):
+    with open_graph_and_session(zenoh_port, domain, spin_time=0.3) as (session, _):
         found = _ask(session, domain, {"do": "status"}, _STATUS_S)
         if not found:
             raise UnavailableError(f"no launcher answers on port {zenoh_port} in ROS domain {domain}")
@@ -59,7 +59,7 @@ def _ask(
     session: WireSession, domain: int, question: dict[str, str], timeout_s: float, *, zid: str = "*"
 ) -> dict[str, dict[str, Any]]:
     """The answers, by the Zenoh id of the launcher."""
-    from metaros.cli.launch_keys import request_key
+    from metaros.cli.launch.keys import request_key
 
     answers = {}
     payload = json.dumps(question).encode()

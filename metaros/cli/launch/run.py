@@ -12,18 +12,18 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.launch_graph import LaunchGraph
-from metaros.cli.launch_plan import ALL_NODES, PROGRAM, Place, launches, node_names
+from metaros.cli.launch.graph import LaunchGraph
+from metaros.cli.launch.plan import ALL_NODES, PROGRAM, Place, launches, node_names
 from metaros.clock import Clock
+from metaros.concurrency.signals import on_stop
 from metaros.errors import UsageError
-from metaros.signals import on_stop
 from metaros.supervise import Event, EventKind, LaunchTable, Supervisor
 from metaros.supervise.spare import Spare
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
 
-    from metaros.cli.launch_screen import Screen
+    from metaros.cli.launch.screen import Screen
 
 __all__ = ["run"]
 
@@ -89,7 +89,7 @@ class _Run:
         return name not in self._names or self._graph.has_node(self._names[name])
 
     def _on_event(self, event: Event) -> None:
-        self._graph.tell(event, self._names.get(event.name, event.name))
+        self._graph.report(event, self._names.get(event.name, event.name))
         tail = self._supervisor.tail(event.name) if event.kind is EventKind.EXITED else []
         self._screen.event(event, tail)
         if event.kind is EventKind.SAFE_STOP:

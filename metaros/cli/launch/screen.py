@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from metaros.cli.launch_meters import Meters
-from metaros.cli.output import human_bytes, human_seconds
+from metaros.cli.launch.process_meters import Meters
+from metaros.cli.shared.output import human_bytes, human_seconds
 from metaros.clock import Clock
 from metaros.supervise import Event, EventKind, LaunchTable, ProcessStatus
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.live import Live
     from rich.padding import Padding
 
-    from metaros.cli.launch_plan import Place
+    from metaros.cli.launch.plan import Place
 
 __all__ = ["Screen", "status_rows"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 if TYPE_CHECKING:
     from metaros.node.parameters import ParameterClient
@@ -31,9 +31,9 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     node: Annotated[str, typer.Argument(metavar="NODE", help="All nodes if left out.")] = "",
     name_filter: Annotated[
         str, typer.Option("--filter", metavar="REGEX", help="Only names in which this is found.")
@@ -42,51 +42,51 @@ def list_(
     timeout: Timeout = 5.0,
 ) -> None:
     """List the parameters of a node, or of all nodes."""
-    from metaros.cli.param_view import matching, parameter_nodes, rows
+    from metaros.cli.param.view import matching, parameter_nodes, rows
     from metaros.errors import PeerError
 
-    out = at.out
+    out = target.out
     found: list[dict[str, Any]] = []
-    with _asking(node, at) as (own, target):
-        for name in [target] if target else parameter_nodes(own.graph):
+    with _asking(node, target) as (own, node_name):
+        for name in [node_name] if node_name else parameter_nodes(own.graph):
             client = own.create_parameter_client(name)
             try:
                 names = matching(client.list(timeout_s=timeout), name_filter)
                 types = client.types(names, timeout_s=timeout) if show_type or out.json else {}
             except PeerError as error:
-                if target:
+                if node_name:
                     raise
                 out.note(f"{name}: {error}")
                 continue
             found.append({"node": name, "parameters": rows(names, types)})
     if out.json:
-        out.objects(found[0] if target else found)
+        out.objects(found[0] if node_name else found)
         return
     for entry in found:
-        if not target:
+        if not node_name:
             out.line(f"{entry['node']}:")
         for row in entry["parameters"]:
             shown = f"{row['name']} (type: {row['type']})" if show_type else row["name"]
-            out.line(shown if target else f"  {shown}")
+            out.line(shown if node_name else f"  {shown}")
     if not found:
         out.note("no node has parameters: start one, or `metaros up`")
 
 
 @group.command("get")
-@visiting
+@graph_command
 def get(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     name: ParamName,
     hide_type: Annotated[bool, typer.Option("--hide-type", help="Only the value.")] = False,
     timeout: Timeout = 5.0,
 ) -> None:
     """Print a parameter's value."""
-    from metaros.cli.param_view import json_value, require, shown, value_words
+    from metaros.cli.param.view import json_value, require, shown, value_words
     from metaros.node.parameters.values import ParameterType
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         kind = client.types([name], timeout_s=timeout)[name]
         if kind is ParameterType.NOT_SET:
             require(client, name, timeout_s=timeout)
@@ -98,22 +98,22 @@ def get(
 
 
 @group.command("set", context_settings={"ignore_unknown_options": True})
-@visiting
+@graph_command
 def set_(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     name: ParamName,
     value: Annotated[str, typer.Argument(metavar="VALUE", help="YAML, read as the parameter's type.")],
     timeout: Timeout = 5.0,
 ) -> None:
     """Set a parameter."""
-    from metaros.cli.param_view import done, json_value, require
+    from metaros.cli.param.view import done, json_value, require
     from metaros.errors import ParameterError
     from metaros.node.parameters.files import parse_value
     from metaros.node.parameters.values import ParameterType, convert
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         rules = require(client, name, timeout_s=timeout)
         kind = ParameterType.NOT_SET if rules is None or rules.dynamic_typing else rules.kind
         try:
@@ -128,18 +128,18 @@ def set_(
 
 
 @group.command("describe")
-@visiting
+@graph_command
 def describe(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     names: Annotated[list[str], typer.Argument(metavar="NAME...", help="The parameters.")],
     timeout: Timeout = 5.0,
 ) -> None:
     """Show the type, the description and the rules of parameters."""
-    from metaros.cli.param_view import rule_lines, rule_object, unknown
+    from metaros.cli.param.view import rule_lines, rule_object, unknown
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         found = client.describe(names, timeout_s=timeout)
         missing = [name for name in names if name not in found]
         if missing:
@@ -153,30 +153,30 @@ def describe(
 
 
 @group.command("dump")
-@visiting
+@graph_command
 def dump(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     timeout: Timeout = 5.0,
 ) -> None:
     """Print all parameters of a node as a ROS 2 parameter file."""
-    from metaros.cli.param_view import json_value
+    from metaros.cli.param.view import json_value
     from metaros.node.parameters.files import dump_yaml
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         values = client.dump(timeout_s=timeout)
-        target = client.target
+        node_name = client.target
     if out.json:
         out.objects({name: json_value(value) for name, value in values.items()})
     else:
-        out.line(dump_yaml(target, values).rstrip("\n"))
+        out.line(dump_yaml(node_name, values).rstrip("\n"))
 
 
 @group.command("load")
-@visiting
+@graph_command
 def load(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A ROS 2 parameter file.")],
     no_use_wildcard: Annotated[
@@ -185,12 +185,12 @@ def load(
     timeout: Timeout = 5.0,
 ) -> None:
     """Set a node's parameters from a ROS 2 parameter file, each for itself."""
-    from metaros.cli.param_view import fitted
+    from metaros.cli.param.view import fitted
     from metaros.errors import PeerError, UsageError
     from metaros.node.parameters.files import load_file
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         values = load_file(file, client.target, wildcards=not no_use_wildcard)
         if not values:
             raise UsageError(f"{file} has no parameters for {client.target}")
@@ -206,18 +206,18 @@ def load(
 
 
 @group.command("delete")
-@visiting
+@graph_command
 def delete(
-    at: Visit,
+    target: GraphTarget,
     node: NodeName,
     name: ParamName,
     timeout: Timeout = 5.0,
 ) -> None:
     """Delete a parameter that is dynamically typed."""
-    from metaros.cli.param_view import done, require
+    from metaros.cli.param.view import done, require
 
-    out = at.out
-    with _remote(node, at) as client:
+    out = target.out
+    with _remote(node, target) as client:
         require(client, name, timeout_s=timeout)
         done(client.set({name: None}, timeout_s=timeout)[name], "delete", name)
     if out.json:
@@ -227,18 +227,18 @@ def delete(
 
 
 @contextmanager
-def _asking(node: str, at: Visit) -> Iterator[tuple[Any, str]]:
+def _asking(node: str, target: GraphTarget) -> Iterator[tuple[Any, str]]:
     """A short-lived node of ours, and the full name of the node that is meant; it must offer parameters."""
-    from metaros.cli.param_view import check_node
+    from metaros.cli.param.view import check_node
 
-    target = at.absolute(node) if node else ""
-    with at.node() as own:
-        if target:
-            check_node(own.graph, target)
-        yield own, target
+    node_name = target.absolute(node) if node else ""
+    with target.node() as own:
+        if node_name:
+            check_node(own.graph, node_name)
+        yield own, node_name
 
 
 @contextmanager
-def _remote(node: str, at: Visit) -> Iterator[ParameterClient]:
-    with _asking(node, at) as (own, target):
-        yield own.create_parameter_client(target)
+def _remote(node: str, target: GraphTarget) -> Iterator[ParameterClient]:
+    with _asking(node, target) as (own, node_name):
+        yield own.create_parameter_client(node_name)

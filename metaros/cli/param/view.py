@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from metaros.cli.connection import closest
+from metaros.cli.shared.connection import closest
 from metaros.errors import ParameterError, PeerError, UnavailableError, UnknownParameterError, UsageError
 from metaros.node.parameters import ParameterClient, ParameterDescriptor, SetResult
 from metaros.node.parameters.values import ParameterType, Value, fit
 from metaros.wire import Graph
 
 if TYPE_CHECKING:
-    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.remote.graph import RemoteGraph
 
 __all__ = [
     "check_node",
@@ -47,12 +47,12 @@ _WORDS: Final = {
 }
 
 
-def parameter_nodes(graph: Graph | FarGraph) -> list[str]:
+def parameter_nodes(graph: Graph | RemoteGraph) -> list[str]:
     """The nodes that offer parameters."""
     return sorted({end.node_full_name for end in graph.endpoints(kind="SS") if end.type_name == _LIST})
 
 
-def check_node(graph: Graph | FarGraph, name: str) -> None:
+def check_node(graph: Graph | RemoteGraph, name: str) -> None:
     """UnavailableError with a hint where there is no such node, or where it offers no parameters."""
     if name in parameter_nodes(graph):
         return

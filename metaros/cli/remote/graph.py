@@ -1,4 +1,4 @@
-"""A robot's graph as the commands read it: what REST tells, as the tokens that the robot's own graph would hold."""
+"""A remote robot's graph as commands read it: REST's answer as liveliness tokens."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 from metaros.wire import EndpointInfo, NodeInfo, QoSProfile
 from metaros.wire.graph import GraphState
+from metaros.wire.liveliness_tokens import EndpointKind, EndpointToken, NodeToken
 from metaros.wire.names import NO_HASH
-from metaros.wire.tokens import EndpointKind, EndpointToken, NodeToken
 
-__all__ = ["FarGraph"]
+__all__ = ["RemoteGraph"]
 
 FIRST_ENDPOINT = 1_000_000  # numbers of endpoints; those of nodes are below
 _ZID = "0" * 32  # whose session it is stays on the robot
@@ -23,8 +23,8 @@ _ACTION_KINDS: tuple[tuple[str, EndpointKind], ...] = (("servers", "SS"), ("clie
 _ELSEWHERE = "/_elsewhere"  # who is no node of the robot's namespace is told without a name
 
 
-class FarGraph:
-    """One look at it; it does not follow changes, as `metaros.wire.Graph` does."""
+class RemoteGraph:
+    """A snapshot: unlike `metaros.wire.Graph` it does not follow changes."""
 
     def __init__(self, document: Mapping[str, Any]) -> None:
         self._state = GraphState()

@@ -1,33 +1,33 @@
-"""A node of ours in a robot's graph, as far as a command needs one: it calls services, by the gateway."""
+"""The part of a node's API that commands need for a remote robot: service calls over the gateway."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.afar.graph import FarGraph
-from metaros.cli.afar.place import RobotPlace
+from metaros.cli.remote.graph import RemoteGraph
+from metaros.cli.remote.robot import RemoteRobot
 from metaros.errors import RefusedError, TimeoutError_, UnavailableError
 
 if TYPE_CHECKING:
     from metaros.node.parameters import ParameterClient
 
-__all__ = ["FarClient", "FarNode"]
+__all__ = ["RemoteClient", "RemoteNode"]
 
 
-class FarNode:
+class RemoteNode:
     """What `metaros.Node` is to a command."""
 
-    def __init__(self, place: RobotPlace) -> None:
-        self._place = place
-        self.graph = FarGraph(place.graph())
+    def __init__(self, robot: RemoteRobot) -> None:
+        self._robot = robot
+        self.graph = RemoteGraph(robot.graph())
 
     def resolve(self, name: str) -> str:
         """A name from the root."""
-        return self._place.absolute(name)
+        return self._robot.absolute(name)
 
-    def create_client(self, service_type: Any, name: str, qos: object = None) -> FarClient:
+    def create_client(self, service_type: Any, name: str, qos: object = None) -> RemoteClient:
         """A client of a service of the robot; the profile is the agent's business."""
-        return FarClient(self._place, self.graph, service_type, self.resolve(name))
+        return RemoteClient(self._robot, self.graph, service_type, self.resolve(name))
 
     def create_parameter_client(self, target: str) -> ParameterClient:
         """Another node's parameters."""
@@ -36,12 +36,12 @@ class FarNode:
         return ParameterClient(self, target)  # type: ignore[arg-type]  # it calls services and looks, no more
 
 
-class FarClient:
+class RemoteClient:
     """Calls one service."""
 
-    def __init__(self, place: RobotPlace, graph: FarGraph, service_type: Any, name: str) -> None:
+    def __init__(self, robot: RemoteRobot, graph: RemoteGraph, service_type: Any, name: str) -> None:
         self.service_type = service_type
-        self._place = place
+        self._robot = robot
         self._graph = graph
         self._name = name
 
@@ -66,7 +66,7 @@ class FarClient:
             "timeout_s": timeout_s,
         }
         try:
-            answer = self._place.http.post(self._place.path("services", "call"), body)
+            answer = self._robot.http.post(self._robot.path("services", "call"), body)
         except RefusedError as error:
             if error.reason in ("robot_offline", "service_unavailable"):
                 raise UnavailableError(str(error)) from error

@@ -1,4 +1,4 @@
-"""One robot behind a gateway: where it is asked, and under which namespace its relative names lie."""
+"""A remote robot: its REST address at the gateway, and the namespace of its relative names."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.gateway_http import GatewayClient, open_gateway, path_part
+from metaros.cli.shared.gateway_http import GatewayClient, open_gateway, path_part
 
 if TYPE_CHECKING:
-    from metaros.cli.top_meter import Rates
+    from metaros.cli.shared.topic_rates import TopicRates
 
-__all__ = ["RobotPlace"]
+__all__ = ["RemoteRobot"]
 
 
-class RobotPlace:
-    """Asks nothing before it has to: `--robot` costs a local command nothing."""
+class RemoteRobot:
+    """Sends no request before one is needed: a local command pays nothing for `--robot`."""
 
     def __init__(self, robot: str, gateway: str = "") -> None:
         """`gateway`: its address; "": the current context's, else the one that runs on this machine."""
@@ -43,14 +43,14 @@ class RobotPlace:
         namespace = "/" if name.startswith("/") else self.namespace
         return names.resolve(name, namespace=namespace, node="metaros_cli")
 
-    def rates(self) -> dict[str, Rates]:
+    def rates(self) -> dict[str, TopicRates]:
         """How often and how much is published on each topic, as the agent sees it on the robot."""
-        from metaros.cli.top_meter import Rates
+        from metaros.cli.shared.topic_rates import TopicRates
 
         topics = self.http.get(self.path("topics"))["topics"]
-        return {item["topic"]: Rates(item["rate_hz"] or 0.0, item["bytes_per_s"] or 0.0) for item in topics}
+        return {item["topic"]: TopicRates(item["rate_hz"] or 0.0, item["bytes_per_s"] or 0.0) for item in topics}
 
     def graph(self) -> Mapping[str, Any]:
-        """The robot's graph as REST tells it."""
+        """The robot's graph as REST returns it."""
         found: Mapping[str, Any] = self.http.get(self.path("graph"))
         return found

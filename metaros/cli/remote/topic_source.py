@@ -1,4 +1,4 @@
-"""A topic of a robot elsewhere: its samples by the gateway's stream, byte for byte what the robot's node published."""
+"""A remote robot's topic: its samples over the gateway's stream, byte for byte as the robot's node published them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from metaros.cli.afar.place import RobotPlace
+from metaros.cli.remote.robot import RemoteRobot
 from metaros.clock import SystemClock
 from metaros.errors import PeerError, SealedError, UnavailableError, UnknownTypeError, UsageError
 from metaros.limits import LIMITS
@@ -18,10 +18,10 @@ from metaros.limits import LIMITS
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
-    from metaros.cli.topic_find import FoundTopic
+    from metaros.cli.shared.topic_lookup import FoundTopic
     from metaros.idl import Catalogue
 
-__all__ = ["FarSource"]
+__all__ = ["RemoteTopicSource"]
 
 # record_bytes, subscription, channel, payload_bytes, seq, stamp_ns, gateway_receive_ns: docs/reference/stream.md
 _HEADER = struct.Struct("<IIIIQqq")
@@ -29,11 +29,11 @@ _OPEN_S = 10.0
 _QUEUE_BYTES = 8 * 1024 * 1024
 
 
-class FarSource:
+class RemoteTopicSource:
     """One socket with one subscription; what the gateway dropped because we were slow is counted."""
 
-    def __init__(self, place: RobotPlace, topic: str, type_name: str, *, raw: bool) -> None:
-        self._place = place
+    def __init__(self, robot: RemoteRobot, topic: str, type_name: str, *, raw: bool) -> None:
+        self._robot = robot
         self._ask = (topic, type_name)
         self._raw = raw
         self._clock = SystemClock()
@@ -42,13 +42,13 @@ class FarSource:
         self.dropped = 0
 
     def open(self, stack: ExitStack) -> FoundTopic:
-        """See `metaros.cli.listen.Source`."""
+        """See `metaros.cli.graph_target.listener.TopicSource`."""
         found = self._find()
         self._socket = stack.enter_context(self._connect())
         asked = {
             "op": "subscribe",
             "id": 1,
-            "robots": self._place.robot,
+            "robots": self._robot.robot,
             "topics": found.name,
             "mode": "queue",
             "queue_bytes": _QUEUE_BYTES,
@@ -57,7 +57,7 @@ class FarSource:
         return found
 
     def next(self, timeout_s: float) -> tuple[float, bytes] | None:
-        """See `metaros.cli.listen.Source`."""
+        """See `metaros.cli.graph_target.listener.TopicSource`."""
         if not self._waiting:
             self._read(timeout_s)
         return self._waiting.popleft() if self._waiting else None
@@ -98,12 +98,12 @@ class FarSource:
 
         from metaros.access.trust import distrust, tls_context
 
-        url = self._place.http.url
+        url = self._robot.http.url
         address = f"ws{url.removeprefix('http')}/api/v1/stream"
         try:
             return connect(
                 address,
-                additional_headers=dict(self._place.http.identity),
+                additional_headers=dict(self._robot.http.identity),
                 ssl=tls_context(url),
                 open_timeout=_OPEN_S,
                 close_timeout=1.0,
@@ -119,11 +119,11 @@ class FarSource:
 
     def _find(self) -> FoundTopic:
         """The topic as the robot's agent announced it."""
-        from metaros.cli.names import no_such
-        from metaros.cli.topic_find import FoundTopic, sensible_qos
+        from metaros.cli.shared.names import no_such
+        from metaros.cli.shared.topic_lookup import FoundTopic, sensible_qos
 
-        name, wanted = self._place.absolute(self._ask[0]), self._ask[1]
-        topics = {item["topic"]: item for item in self._place.http.get(self._place.path("topics"))["topics"]}
+        name, wanted = self._robot.absolute(self._ask[0]), self._ask[1]
+        topics = {item["topic"]: item for item in self._robot.http.get(self._robot.path("topics"))["topics"]}
         if name not in topics:
             raise no_such("topic", name, topics)
         item = topics[name]
@@ -139,7 +139,7 @@ class FarSource:
 
         if (known := catalogue_of(kind, type_hash)) is not None:
             return known
-        text = self._place.http.get(self._place.path("types", *kind.split("/"))).get("text")
+        text = self._robot.http.get(self._robot.path("types", *kind.split("/"))).get("text")
         if not text:
             raise UnknownTypeError(f"nobody tells the definition of {kind}\nuse --raw to see the bytes")
         learned = Catalogue()

@@ -11,7 +11,7 @@ ROBOTS_S = 2.0  # a shell waits for it
 
 def robots(incomplete: str) -> list[str]:
     """The robots whose names begin so, of the gateway that would be asked; none where it does not answer at once."""
-    from metaros.cli.gateway_http import GatewayClient, open_gateway
+    from metaros.cli.shared.gateway_http import GatewayClient, open_gateway
 
     try:
         http = GatewayClient(open_gateway("").url, timeout_s=ROBOTS_S)

@@ -1,4 +1,4 @@
-"""A short visit to the ROS graph: check the router, open a context, wait for what there is to see."""
+"""Connect to the ROS graph: check the router, open a context, wait until the graph has settled."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
     from metaros.node import Context
     from metaros.wire import Graph, WireSession
 
-__all__ = ["absolute", "closest", "connect", "look", "look_with_session"]
+__all__ = ["absolute", "closest", "connect", "open_graph", "open_graph_and_session"]
 
 _LINK_WAIT_S = 2.0
 _MUCH_WORSE = 0.15  # names of one node are all alike: only those nearly as close as the closest are hints
 
 
 @contextmanager
-def look(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[Graph]:
+def open_graph(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[Graph]:
     """The graph alone, settled: for commands that only look. It loads no codec, so it is there sooner."""
-    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (_, graph):
+    with open_graph_and_session(zenoh_port, domain, spin_time=spin_time) as (_, graph):
         yield graph
 
 
 @contextmanager
-def look_with_session(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[tuple[WireSession, Graph]]:
+def open_graph_and_session(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[tuple[WireSession, Graph]]:
     """The same, with the session to look further."""
     from metaros.wire import Graph, WireSession
 
@@ -61,7 +61,7 @@ def connect(zenoh_port: int, domain: int, *, spin_time: float = 0.0) -> Iterator
 
 def _check_port(zenoh_port: int) -> None:
     """Fail at once where nobody listens."""
-    from metaros.cli.up_ports import port_accepts
+    from metaros.cli.shared.ports import port_accepts
 
     if not port_accepts(zenoh_port):
         where = f"no Zenoh router on 127.0.0.1:{zenoh_port}"
@@ -70,7 +70,7 @@ def _check_port(zenoh_port: int) -> None:
 
 def _check_linked(session: WireSession, zenoh_port: int) -> None:
     """Somebody listens: is it a router?"""
-    from metaros.cli.up_ports import port_owner
+    from metaros.cli.shared.ports import port_owner
 
     if not session.wait_linked(_LINK_WAIT_S):
         raise UnavailableError(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.wire import EndpointInfo, QoSProfile
 
 __all__ = ["endpoint_facts", "print_endpoints", "qos_words"]

@@ -190,7 +190,7 @@ def open_gateway(url: str) -> GatewayClient:
 
         url = current_gateway()
     if not url:
-        from metaros.cli.instance import running_instances
+        from metaros.cli.shared.instances import running_instances
 
         url = next((found.url for found in running_instances() if found.url), "") or local_gateway() or DEFAULT_URL
     return GatewayClient(url)

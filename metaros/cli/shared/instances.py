@@ -1,4 +1,4 @@
-"""Running `metaros up`s of this user: each claims its ports and robots in a state file that it holds locked.
+"""The running `metaros up` instances of this user: each claims ports and robots in a state file that it keeps locked.
 
 The lock, not the process id, says whether an instance lives: the system releases it at any kind of death, and an id
 may be somebody else's by then. Claims are made under one short lock for all, so that two instances started in the
@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO
 
+from metaros.concurrency.file_lock import file_lock, take_lock
 from metaros.errors import ConfigError
-from metaros.file_lock import file_lock, take_lock
 
 __all__ = [
     "DataDir",
@@ -27,10 +27,14 @@ __all__ = [
     "StateFile",
     "claim_lock",
     "data_root",
+    "gateway_folder",
+    "is_data_dir",
     "open_data_dir",
     "running_instances",
     "runtime_dir",
 ]
+
+_LOCK = "lock"  # in a data directory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +165,16 @@ class DataDir:
     note: str = ""
 
 
+def is_data_dir(path: Path) -> bool:
+    """Whether a `metaros up` has kept its data there."""
+    return (path / _LOCK).is_file() and (path / "logs").is_dir()
+
+
+def gateway_folder(path: Path) -> Path:
+    """Where in its data directory the data of its gateway is."""
+    return path / "gateway"
+
+
 def open_data_dir(explicit: Path | None) -> DataDir:
     """Lock `explicit`, or the default directory, or where another instance has that, one beside it."""
     if explicit is not None:
@@ -179,7 +193,7 @@ def open_data_dir(explicit: Path | None) -> DataDir:
 def _lock_dir(path: Path) -> DataDir | None:
     try:
         path.mkdir(parents=True, exist_ok=True)
-        file = (path / "lock").open("a")
+        file = (path / _LOCK).open("a")
     except OSError as error:
         raise ConfigError(f"cannot use the data directory {path}: {error.strerror}") from error
     if take_lock(file.fileno()):

@@ -16,7 +16,7 @@ def is_hidden(name: str) -> bool:
 
 def no_such(what: str, name: str, known: Iterable[str]) -> UnavailableError:
     """The error to raise: there is no such topic, service, action or node; it says which one may be meant."""
-    from metaros.cli.connection import closest
+    from metaros.cli.shared.connection import closest
 
     hint = closest(name, known) or f"`metaros {what} list` shows those there are"
     says = {"service": "nobody serves", "action": "nobody serves the action"}.get(what, f"no {what}")
@@ -25,7 +25,7 @@ def no_such(what: str, name: str, known: Iterable[str]) -> UnavailableError:
 
 def known_type(name: str, kind: str, in_use: Collection[str]) -> str:
     """The full name of a type that is in use in the graph or in the catalogue; UnknownTypeError otherwise."""
-    from metaros.cli.types import full_type
+    from metaros.cli.shared.types import full_type
 
     parts = name.split("/")
     full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name

@@ -59,7 +59,7 @@ SpinTime = Annotated[
 
 
 def _robots(incomplete: str) -> list[str]:
-    from metaros.cli.completion import robots
+    from metaros.cli.shared.completion import robots
 
     return robots(incomplete)
 

@@ -9,10 +9,10 @@ import sys
 from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Any, Final, Literal
 
-from metaros.cli.options import Format
-from metaros.inert import inert, inert_json
+from metaros.cli.shared.options import Format
+from metaros.sanitize import sanitize, sanitize_json
 
-__all__ = ["Output", "counted", "human_bytes", "human_seconds", "inert"]
+__all__ = ["Output", "counted", "human_bytes", "human_seconds", "sanitize"]
 
 _STYLE: Final = re.compile(r"\x1b\[([\d;]*)m")
 
@@ -39,7 +39,7 @@ class Output:
 
         `empty` is said when there is none.
         """
-        texts = [[inert(str(cell)) for cell in row] for row in rows]
+        texts = [[sanitize(str(cell)) for cell in row] for row in rows]
         if not texts:
             if self.tty and empty:
                 self.note(empty)
@@ -72,21 +72,21 @@ class Output:
             self.objects(list(names))
         else:
             for name in names:
-                self.line(inert(name))
+                self.line(sanitize(name))
 
     def objects(self, value: Any) -> None:
         """One JSON, or YAML, document."""
         if self._yaml:
             self._write(_yaml(value).rstrip("\n"))
         else:
-            self._write(inert_json(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False)))
+            self._write(sanitize_json(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False)))
 
     def object_line(self, value: Any) -> None:
         """One JSON value of a stream, or a YAML document, flushed so that a pipe sees it now."""
         if self._yaml:
             self._write(f"{_yaml(value)}---")
         else:
-            self._write(inert_json(json.dumps(value, ensure_ascii=False)))
+            self._write(sanitize_json(json.dumps(value, ensure_ascii=False)))
 
     def line(self, text: str = "") -> None:
         """Plain text, with colours of `style`; nothing else in it is obeyed by a terminal."""
@@ -151,7 +151,7 @@ def _yaml(value: Any) -> str:
 
 
 def _but_tabs(text: str) -> str:
-    return "\t".join(map(inert, text.split("\t")))
+    return "\t".join(map(sanitize, text.split("\t")))
 
 
 def counted(number: int, word: str) -> str:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from metaros.signals import StopEvent, stop_signals
+from metaros.concurrency.signals import StopEvent, stop_signals
 
 __all__ = ["status_file", "stop_on_signals", "wait_for_stop", "write_status"]
 

@@ -1,12 +1,12 @@
-"""From a topic's name to what is needed to read or write it: type, hash and a QoS that fits its publishers."""
+"""Topic lookup by name: its type, hash and a QoS that fits its publishers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from metaros.cli.connection import absolute, closest
-from metaros.cli.types import full_type
+from metaros.cli.shared.connection import absolute, closest
+from metaros.cli.shared.types import full_type
 from metaros.errors import MetarosError, TypeHashError, UnavailableError, UnknownTypeError, UsageError
 
 if TYPE_CHECKING:

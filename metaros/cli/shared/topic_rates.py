@@ -1,4 +1,4 @@
-"""What `metaros top` measures: how many samples and bytes came on each topic. `Meter` is pure, `Counts` listens."""
+"""Samples and bytes a second on each topic. `RateMeter` is pure, `TopicCounter` subscribes."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ if TYPE_CHECKING:
 
     from metaros.wire import WireSession
 
-__all__ = ["Counts", "Meter", "Rates"]
+__all__ = ["RateMeter", "TopicCounter", "TopicRates"]
 
 WINDOW = 5  # looks: so that a topic of 0.5 Hz has a rate, too
 
 
-class Rates(NamedTuple):
+class TopicRates(NamedTuple):
     """Of one topic."""
 
     hz: float
     bytes_per_s: float
 
 
-class Meter:
+class RateMeter:
     """Rates over the last few looks at counters that only grow."""
 
     def __init__(self) -> None:
         self._looks: deque[tuple[float, Mapping[str, tuple[int, int]]]] = deque(maxlen=WINDOW + 1)
 
-    def look(self, now: float, counts: Mapping[str, tuple[int, int]]) -> dict[str, Rates]:
+    def look(self, now: float, counts: Mapping[str, tuple[int, int]]) -> dict[str, TopicRates]:
         """The rates of all topics that were ever seen; empty at the first look."""
         self._looks.append((now, counts))
         since, before = self._looks[0]
@@ -41,11 +41,11 @@ class Meter:
         rates = {}
         for topic, (samples, size) in counts.items():
             samples_then, size_then = before.get(topic, (0, 0))
-            rates[topic] = Rates((samples - samples_then) / elapsed, (size - size_then) / elapsed)
+            rates[topic] = TopicRates((samples - samples_then) / elapsed, (size - size_then) / elapsed)
         return rates
 
 
-class Counts:
+class TopicCounter:
     """Counts every sample of the domain through one subscription, which no node's graph shows."""
 
     def __init__(self, session: WireSession) -> None:

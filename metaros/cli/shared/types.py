@@ -11,7 +11,7 @@ __all__ = ["full_type", "parse_values"]
 
 def full_type(name: str, kind: str = "msg") -> str:
     """The full name of an interface in the catalogue; UnknownTypeError with near matches otherwise."""
-    from metaros.cli.connection import closest
+    from metaros.cli.shared.connection import closest
     from metaros.idl import default_catalogue
 
     catalogue = default_catalogue()

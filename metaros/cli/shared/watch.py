@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.waiting import pause
+from metaros.concurrency.waiting import pause
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["WatchOption", "watch"]
 

@@ -10,15 +10,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
-from metaros.waiting import pause
+from metaros.cli.shared.gateway_http import GatewayOption
+from metaros.cli.shared.options import (
+    DEFAULT_ZENOH_PORT,
+    Domain,
+    Format,
+    FormatOption,
+    RobotOption,
+    SpinTime,
+    ZenohPort,
+)
+from metaros.concurrency.waiting import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from metaros.cli.output import Output
-    from metaros.cli.top_rows import Screenful
+    from metaros.cli.shared.output import Output
+    from metaros.cli.top.rows import Screenful
 
 __all__ = ["register"]
 
@@ -57,10 +65,10 @@ def top(
     It receives what is published in the domain while it runs, and counts it. Of a robot elsewhere it shows what its
     agent counts; processes and drops stay there.
     """
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
     out = Output(output)
-    watch = _afar(robot, gateway, word, sort) if robot else _watch(zenoh_port, domain, spin_time, word, sort)
+    watch = _remote(robot, gateway, word, sort) if robot else _watch(zenoh_port, domain, spin_time, word, sort)
     with suppress(KeyboardInterrupt), watch as look:
         if once:
             pause(interval)
@@ -72,14 +80,14 @@ def top(
                 screenful = look()
                 out.object_line(asdict(screenful)) if out.json else _print(out, screenful)
         else:
-            from metaros.cli.top_screen import live
+            from metaros.cli.top.screen import live
 
             live(look, lambda: pause(interval))
 
 
 def _print(out: Output, screenful: Screenful) -> None:
-    from metaros.cli.top_drops import DROP_COLUMNS, drop_cells
-    from metaros.cli.top_screen import TOPIC_COLUMNS, node_cells, node_columns, summary, topic_cells
+    from metaros.cli.top.drops import DROP_COLUMNS, drop_cells
+    from metaros.cli.top.screen import TOPIC_COLUMNS, node_cells, node_columns, summary, topic_cells
 
     out.table(TOPIC_COLUMNS, [topic_cells(row) for row in screenful.topics], right=(2, 3, 4, 5))
     out.line()
@@ -92,22 +100,22 @@ def _print(out: Output, screenful: Screenful) -> None:
 
 
 @contextmanager
-def _afar(robot: str, gateway: str, word: str, sort: Sort) -> Iterator[Callable[[], Screenful]]:
-    """The same of a robot elsewhere."""
-    from metaros.cli.afar.graph import FarGraph
-    from metaros.cli.afar.place import RobotPlace
-    from metaros.cli.graph_model import draw
-    from metaros.cli.top_rows import Screenful, node_rows, topic_rows
+def _remote(robot: str, gateway: str, word: str, sort: Sort) -> Iterator[Callable[[], Screenful]]:
+    """The same for a remote robot."""
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.remote.graph import RemoteGraph
+    from metaros.cli.remote.robot import RemoteRobot
+    from metaros.cli.top.rows import Screenful, node_rows, topic_rows
 
-    place = RobotPlace(robot, gateway)
+    place = RemoteRobot(robot, gateway)
 
     def look() -> Screenful:
-        graph = FarGraph(place.graph())
+        graph = RemoteGraph(place.graph())
         ends = graph.endpoints()
         return Screenful(
             topic_rows(ends, place.rates(), word=word, sort=sort.value),
             node_rows(graph.nodes(), ends, {}, word=word),
-            len(draw([], graph.tokens()).faults),
+            len(build_graph_model([], graph.tokens()).faults),
         )
 
     yield look
@@ -116,17 +124,17 @@ def _afar(robot: str, gateway: str, word: str, sort: Sort) -> Iterator[Callable[
 @contextmanager
 def _watch(zenoh_port: int, domain: int, spin_time: float, word: str, sort: Sort) -> Iterator[Callable[[], Screenful]]:
     """A function that measures since it was last called."""
-    from metaros.cli.connection import look_with_session
-    from metaros.cli.graph_model import draw
-    from metaros.cli.top_drops import ask, drop_rows
-    from metaros.cli.top_meter import Counts, Meter
-    from metaros.cli.top_processes import Processes
-    from metaros.cli.top_rows import Screenful, node_rows, topic_rows
+    from metaros.cli.graph.model import build_graph_model
+    from metaros.cli.shared.connection import open_graph_and_session
+    from metaros.cli.shared.topic_rates import RateMeter, TopicCounter
+    from metaros.cli.top.drops import ask, drop_rows
+    from metaros.cli.top.processes import Processes
+    from metaros.cli.top.rows import Screenful, node_rows, topic_rows
     from metaros.clock import SystemClock
 
     with ExitStack() as stack:
-        session, graph = stack.enter_context(look_with_session(zenoh_port, domain, spin_time=spin_time))
-        counts, meter, clock, processes = Counts(session), Meter(), SystemClock(), Processes(session)
+        session, graph = stack.enter_context(open_graph_and_session(zenoh_port, domain, spin_time=spin_time))
+        counts, meter, clock, processes = TopicCounter(session), RateMeter(), SystemClock(), Processes(session)
         stack.callback(counts.close)
         processes.look()  # the first look only starts the clocks of the CPU shares
         meter.look(clock.monotonic_s(), counts.by_topic())
@@ -137,7 +145,7 @@ def _watch(zenoh_port: int, domain: int, spin_time: float, word: str, sort: Sort
             return Screenful(
                 topic_rows(ends, rates, word=word, sort=sort.value),
                 node_rows(nodes, ends, processes.look(), word=word),
-                len(draw([], graph.tokens()).faults),
+                len(build_graph_model([], graph.tokens()).faults),
                 drop_rows(answers, word=word),
             )
 

@@ -1,4 +1,4 @@
-"""Which subscriptions of the domain drop or lose messages, as their processes tell when asked.
+"""Subscriptions of the domain that drop or lose messages, queried from their processes.
 
 Only Meta-ROS contexts answer; a peer's answer is data from outside, so each row is checked and the count is bounded.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.output import human_bytes
+from metaros.cli.shared.output import human_bytes
 from metaros.limits import LIMITS
 
 if TYPE_CHECKING:

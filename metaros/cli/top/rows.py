@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from metaros.cli.top_drops import DropRow
-from metaros.cli.top_meter import Rates
+from metaros.cli.shared.topic_rates import TopicRates
+from metaros.cli.top.drops import DropRow
 
 if TYPE_CHECKING:
-    from metaros.cli.top_processes import Usage
+    from metaros.cli.top.processes import Usage
     from metaros.wire import EndpointInfo, NodeInfo
 
 __all__ = ["NodeRow", "Screenful", "TopicRow", "node_rows", "topic_rows"]
@@ -62,7 +62,7 @@ class Screenful:
 
 
 def topic_rows(
-    ends: Iterable[EndpointInfo], rates: Mapping[str, Rates], *, word: str = "", sort: str = "name"
+    ends: Iterable[EndpointInfo], rates: Mapping[str, TopicRates], *, word: str = "", sort: str = "name"
 ) -> tuple[TopicRow, ...]:
     """All topics whose name contains `word`."""
     by_topic: dict[str, list[EndpointInfo]] = {}
@@ -73,7 +73,7 @@ def topic_rows(
     for topic, own in by_topic.items():
         kinds = [item.kind for item in own]
         types = " ".join(sorted({item.type_name for item in own}))
-        rate = rates.get(topic, Rates(0.0, 0.0))
+        rate = rates.get(topic, TopicRates(0.0, 0.0))
         rows.append(TopicRow(topic, types, rate.hz, rate.bytes_per_s, kinds.count("MP"), kinds.count("MS")))
     return tuple(sorted(rows, key=SORTS[sort]))
 

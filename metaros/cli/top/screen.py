@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from metaros.cli.output import counted, human_bytes
-from metaros.cli.top_drops import DROP_COLUMNS, drop_cells
-from metaros.inert import inert
+from metaros.cli.shared.output import counted, human_bytes
+from metaros.cli.top.drops import DROP_COLUMNS, drop_cells
+from metaros.sanitize import sanitize
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from metaros.cli.top_rows import NodeRow, Screenful, TopicRow
+    from metaros.cli.top.rows import NodeRow, Screenful, TopicRow
 
 __all__ = ["TOPIC_COLUMNS", "live", "node_cells", "node_columns", "render", "summary", "topic_cells"]
 
@@ -115,7 +115,7 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], limit: int, *,
         )
     shown = rows if len(rows) <= limit else rows[: limit - 1]
     for row in shown:
-        table.add_row(*(Text(inert(cell), style="dim" if cell == "–" else "") for cell in row))
+        table.add_row(*(Text(sanitize(cell), style="dim" if cell == "–" else "") for cell in row))
     if len(shown) < len(rows):
         table.add_row(Text(f"… and {len(rows) - len(shown)} more", style="dim"))
     return table

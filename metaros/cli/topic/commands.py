@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from metaros.cli import topic_pub, topic_stream, topic_type
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
+from metaros.cli.topic import pub, stream, type_lookup
 
 __all__ = ["register"]
 
@@ -20,18 +20,18 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
-@visiting
+@graph_command
 def list_(
-    at: Visit,
+    target: GraphTarget,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each topic's type.")] = False,
     count: Annotated[bool, typer.Option("--count-topics", "-c", help="Only how many.")] = False,
     hidden: Annotated[bool, typer.Option("--include-hidden-topics", help="Those of actions, too.")] = False,
 ) -> None:
     """List the topics of the graph."""
-    from metaros.cli.names import is_hidden
+    from metaros.cli.shared.names import is_hidden
 
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         topics = {name: sorted(types) for name, types in graph.topics().items() if hidden or not is_hidden(name)}
         ends = [*graph.endpoints(kind="MP"), *graph.endpoints(kind="MS")]
     if count:
@@ -59,19 +59,19 @@ def _summary(name: str, types: list[str], endpoints: list[Any]) -> dict[str, Any
 
 
 @group.command("info")
-@visiting
+@graph_command
 def info(
-    at: Visit,
+    target: GraphTarget,
     topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom.")],
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each publisher and subscriber, with QoS.")] = False,
 ) -> None:
     """Show a topic's type, publishers and subscribers."""
-    from metaros.cli.endpoints import endpoint_facts, print_endpoints
-    from metaros.cli.names import no_such
-    from metaros.cli.topic_problems import print_problems, problems
+    from metaros.cli.shared.endpoints import endpoint_facts, print_endpoints
+    from metaros.cli.shared.names import no_such
+    from metaros.cli.topic.incompatibilities import print_problems, problems
 
-    out, name = at.out, at.absolute(topic)
-    with at.look() as graph:
+    out, name = target.out, target.absolute(topic)
+    with target.open_graph() as graph:
         ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
         known, found = list(graph.topics()), problems(graph.tokens(), name)
     if not ends:
@@ -85,10 +85,10 @@ def info(
     print_problems(out, found, verbose=verbose)
 
 
-group.command("type")(topic_type.type_)
-group.command("find")(topic_type.find)
-group.command("echo")(topic_stream.echo)
-group.command("hz")(topic_stream.hz)
-group.command("bw")(topic_stream.bw)
-group.command("delay")(topic_stream.delay)
-group.command("pub")(topic_pub.pub)
+group.command("type")(type_lookup.type_)
+group.command("find")(type_lookup.find)
+group.command("echo")(stream.echo)
+group.command("hz")(stream.hz)
+group.command("bw")(stream.bw)
+group.command("delay")(stream.delay)
+group.command("pub")(pub.pub)

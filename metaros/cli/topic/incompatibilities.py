@@ -1,4 +1,4 @@
-"""Which publishers and subscriptions of a topic do not fit together, as `metaros topic info` tells it."""
+"""Incompatible publishers and subscriptions of a topic, as `metaros topic info` prints them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.wire import EndpointToken
 
 __all__ = ["print_problems", "problems"]
@@ -16,7 +16,7 @@ _SHOWN = 20
 
 def problems(tokens: Iterable[EndpointToken], topic: str) -> list[dict[str, Any]]:
     """One entry for each pair at odds, by nodes."""
-    from metaros.wire.matching import obstacle
+    from metaros.wire.matching import mismatch
 
     here = sorted(
         (token for token in tokens if token.topic == topic),
@@ -27,7 +27,7 @@ def problems(tokens: Iterable[EndpointToken], topic: str) -> list[dict[str, Any]
     found = []
     for publisher in publishers:
         for subscription in subscriptions:
-            between = obstacle(publisher, subscription)
+            between = mismatch(publisher, subscription)
             if between is not None:
                 nodes = {"publisher": publisher.node.full_name, "subscriber": subscription.node.full_name}
                 found.append({"code": between.code, **nodes, "policies": list(between.policies), "text": between.text})

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.gateway_http import GatewayOption
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, ZenohPort
-from metaros.waiting import pause
+from metaros.cli.shared.gateway_http import GatewayOption
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, ZenohPort
+from metaros.concurrency.waiting import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
     from metaros.node import Context
 
 __all__ = ["pub"]
@@ -49,9 +49,9 @@ def pub(
     gateway: GatewayOption = "",
 ) -> None:
     """Publish to a topic; `--once` waits for a subscriber, so that the one message is heard."""
-    from metaros.cli.connection import absolute, connect
-    from metaros.cli.output import Output
-    from metaros.cli.types import full_type, parse_values
+    from metaros.cli.shared.connection import absolute, connect
+    from metaros.cli.shared.output import Output
+    from metaros.cli.shared.types import full_type, parse_values
     from metaros.idl import message_class
     from metaros.idl.json import from_json
     from metaros.node import Node
@@ -60,7 +60,7 @@ def pub(
     full = full_type(type_name)
     message = from_json(message_class(full), parse_values(values, full))
     if robot:
-        send = _afar(robot, gateway, topic, full, lease)
+        send = _remote(robot, gateway, topic, full, lease)
         _publish(send, message, out, rate=rate, times=1 if once else times, quiet=quiet)
         return
     name = absolute(topic)
@@ -79,12 +79,12 @@ def _subscribers(context: Context, topic: str, type_name: str) -> int:
     return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS"))
 
 
-def _afar(robot: str, gateway: str, topic: str, type_name: str, lease: str) -> Callable[[Any], object]:
-    """How a message gets to a robot elsewhere: byte for byte, and told when the robot has published it."""
+def _remote(robot: str, gateway: str, topic: str, type_name: str, lease: str) -> Callable[[Any], object]:
+    """Sends messages to a remote robot, byte for byte; returns when the robot has published one."""
     from metaros.cdr import codec
-    from metaros.cli.afar.place import RobotPlace
+    from metaros.cli.remote.robot import RemoteRobot
 
-    place, encode = RobotPlace(robot, gateway), codec(type_name).encode
+    place, encode = RemoteRobot(robot, gateway), codec(type_name).encode
     query = {"topic": place.absolute(topic), "type": type_name, "lease_id": lease or None}
     return lambda message: place.http.send_bytes(
         place.path("publish"), encode(message), kind="application/cdr", **query

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 if TYPE_CHECKING:
-    from metaros.cli.output import Output
+    from metaros.cli.shared.output import Output
 
 __all__ = ["bw", "delay", "echo", "hz"]
 
@@ -18,9 +18,9 @@ TopicArgument = Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /si
 Window = Annotated[int, typer.Option("--window", "-w", min=2, metavar="N", help="Over how many of the last messages.")]
 
 
-@visiting
+@graph_command
 def echo(
-    at: Visit,
+    target: GraphTarget,
     topic: TopicArgument,
     type_name: Annotated[
         str, typer.Argument(metavar="TYPE", help="Needed only while nobody is there, or of several types.")
@@ -42,9 +42,9 @@ def echo(
     ] = 0.0,
 ) -> None:
     """Print a topic's messages."""
-    out = at.out
+    out = target.out
     wanted = 1 if once else number
-    with at.listen(topic, type_name, raw=raw) as listener:
+    with target.listen(topic, type_name, raw=raw) as listener:
         show = _shower(listener, out, raw=raw, field=field, full=full)
         for count, payload in enumerate(listener.payloads(timeout_s=timeout), start=1):
             show(payload)
@@ -55,7 +55,7 @@ def echo(
 def _shower(listener: Any, out: Output, *, raw: bool, field: str, full: bool) -> Callable[[bytes], None]:
     """How one payload is printed."""
     from metaros.cdr import codec
-    from metaros.cli.render import field_of, message_yaml, plain
+    from metaros.cli.shared.render import field_of, message_yaml, plain
 
     if raw:
         return lambda payload: out.object_line({"cdr": payload.hex()}) if out.json else out.line(payload.hex())
@@ -84,9 +84,9 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else _json(value)
 
 
-@visiting
+@graph_command
 def hz(
-    at: Visit,
+    target: GraphTarget,
     topic: TopicArgument,
     window: Window = 10_000,
     number: Annotated[
@@ -94,10 +94,10 @@ def hz(
     ] = 0,
 ) -> None:
     """Measure how often a topic is published, once a second."""
-    from metaros.cli.listen import Rate
+    from metaros.cli.graph_target.listener import Rate
 
-    out = at.out
-    with at.listen(topic, raw=True) as listener:
+    out = target.out
+    with target.listen(topic, raw=True) as listener:
         rate = Rate(window)
         for count, report in enumerate(listener.reports(rate), start=1):
             if out.json:
@@ -111,9 +111,9 @@ def hz(
                 return
 
 
-@visiting
+@graph_command
 def bw(
-    at: Visit,
+    target: GraphTarget,
     topic: TopicArgument,
     window: Window = 100,
     number: Annotated[
@@ -121,11 +121,11 @@ def bw(
     ] = 0,
 ) -> None:
     """Measure how many bytes a topic takes, once a second."""
-    from metaros.cli.listen import Rate
-    from metaros.cli.output import human_bytes
+    from metaros.cli.graph_target.listener import Rate
+    from metaros.cli.shared.output import human_bytes
 
-    out = at.out
-    with at.listen(topic, raw=True) as listener:
+    out = target.out
+    with target.listen(topic, raw=True) as listener:
         rate = Rate(window)
         for count, report in enumerate(listener.reports(rate), start=1):
             if out.json:
@@ -142,9 +142,9 @@ def bw(
                 return
 
 
-@visiting
+@graph_command
 def delay(
-    at: Visit,
+    target: GraphTarget,
     topic: TopicArgument,
     window: Window = 10_000,
     number: Annotated[
@@ -152,11 +152,11 @@ def delay(
     ] = 0,
 ) -> None:
     """Measure how old messages are when they arrive, by the stamp in their header, once a second."""
-    from metaros.cli.delay import Delay
+    from metaros.cli.topic.delay import Delay
     from metaros.clock import SystemClock
 
-    out = at.out
-    with at.listen(topic) as listener:
+    out = target.out
+    with target.listen(topic) as listener:
         found = listener.found
         meter = Delay(window, found.type_name, clock=SystemClock(), catalogue=found.catalogue)
         for count, report in enumerate(listener.reports(meter), start=1):

@@ -6,35 +6,37 @@ from typing import Annotated
 
 import typer
 
-from metaros.cli.visit import Visit, visiting
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 
 __all__ = ["find", "type_"]
 
 
-@visiting
-def type_(at: Visit, topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom.")]) -> None:
+@graph_command
+def type_(
+    target: GraphTarget, topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom.")]
+) -> None:
     """Print a topic's type."""
-    from metaros.cli.names import no_such
+    from metaros.cli.shared.names import no_such
 
-    out, name = at.out, at.absolute(topic)
-    with at.look() as graph:
+    out, name = target.out, target.absolute(topic)
+    with target.open_graph() as graph:
         topics = graph.topics()
     if name not in topics:
         raise no_such("topic", name, topics)
     out.names(sorted(topics[name]))
 
 
-@visiting
+@graph_command
 def find(
-    at: Visit,
+    target: GraphTarget,
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as nav_msgs/msg/Odometry.")],
     count: Annotated[bool, typer.Option("--count-topics", "-c", help="Only how many.")] = False,
 ) -> None:
     """List the topics of a type."""
-    from metaros.cli.names import known_type
+    from metaros.cli.shared.names import known_type
 
-    out = at.out
-    with at.look() as graph:
+    out = target.out
+    with target.open_graph() as graph:
         topics = graph.topics()
     full = known_type(type_name, "msg", {item for types in topics.values() for item in types})
     out.names([name for name, types in topics.items() if full in types], count=count)

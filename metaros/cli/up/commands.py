@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from metaros import __version__
-from metaros.cli.options import CredentialsFolder, Domain, ProfileOption, ZenohProfile
+from metaros.cli.shared.options import CredentialsFolder, Domain, ProfileOption, ZenohProfile
 
 __all__ = ["register"]
 
@@ -107,10 +107,10 @@ def up(
     """
     import asyncio
 
-    from metaros.cli.extras import require
-    from metaros.cli.up_decide import UpOptions
-    from metaros.cli.up_run import run
-    from metaros.cli.up_screen import Screen
+    from metaros.cli.shared.extras import require
+    from metaros.cli.up.planning import UpOptions
+    from metaros.cli.up.run import run
+    from metaros.cli.up.screen import Screen
     from metaros.clock import SystemClock, system_rng
     from metaros.wire.profile import default_folder
 

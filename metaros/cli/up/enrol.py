@@ -12,11 +12,11 @@ import sys
 from typing import TYPE_CHECKING
 
 from metaros.access.trust import open_connection
-from metaros.cli.up_access import local_key
+from metaros.cli.up.local_access import local_key
 from metaros.errors import UnavailableError
 
 if TYPE_CHECKING:
-    from metaros.cli.up_plan import Plan
+    from metaros.cli.up.launch_table import Plan
 
 __all__ = ["enrol_robots"]
 

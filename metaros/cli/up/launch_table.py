@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from metaros.cli.shared.instances import gateway_folder
 from metaros.supervise import Launch
 
 __all__ = ["Plan", "Replica", "first_free_robot", "host_robot_name", "launches"]
@@ -48,7 +49,7 @@ class Plan:
     camera: str  # empty: none
     protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
     tls: bool = False
-    doors: tuple[str, ...] = ()  # further options of the gateway: who may come in, and by which names
+    access: tuple[str, ...] = ()  # further options of the gateway: who may access it, and its host names
     database: str = field(default="", repr=False)  # PostgreSQL; "": a file
     replicas: tuple[Replica, ...] = ()  # beside the first gateway
     cluster_port: int = 0  # of the router between them
@@ -56,7 +57,7 @@ class Plan:
     @property
     def root_file(self) -> Path | None:
         """The root that vouches for the gateway; None without TLS."""
-        return self.data_dir.resolve() / "gateway" / "root.pem" if self.tls else None
+        return gateway_folder(self.data_dir.resolve()) / "root.pem" if self.tls else None
 
     @property
     def robot_names(self) -> tuple[str, ...]:
@@ -110,7 +111,7 @@ class Plan:
 
 def launches(plan: Plan) -> tuple[Launch, ...]:
     """The table, in the order of start."""
-    rows = [_router(plan) if plan.own_router else _understudy(plan)]
+    rows = [_router(plan) if plan.own_router else _standby_router(plan)]
     if plan.replicas:
         rows.append(_row(plan, "cluster router", ROUTER, "router", "--port", str(plan.cluster_port)))
     rows.append(_gateway(plan))
@@ -169,7 +170,7 @@ def _shared(plan: Plan) -> tuple[str, ...]:
     if not plan.replicas:
         return ()
     folder = plan.data_dir.resolve()
-    objects, key = (folder / "objects").as_uri(), folder / "gateway" / "master.key"
+    objects, key = (folder / "objects").as_uri(), gateway_folder(folder) / "master.key"
     return ("--cluster", f"tcp/127.0.0.1:{plan.cluster_port}", "--objects", objects, "--master-key", str(key))
 
 
@@ -189,23 +190,23 @@ def _router(plan: Plan) -> Launch:
     return _row(plan, "router", ROUTER, "router", *place, "--status-file", status)
 
 
-def _understudy(plan: Plan) -> Launch:
+def _standby_router(plan: Plan) -> Launch:
     """Where a router was joined: hosts one as soon as that ends."""
     return _row(plan, "standby router", ROUTER, "router", "--port", str(plan.zenoh_port), "--standby")
 
 
 def _gateway(plan: Plan) -> Launch:
     ports = ("--host", plan.host, "--port", str(plan.http_port), "--grpc-port", str(plan.grpc_port))
-    places = ("--data-dir", str(plan.data_dir / "gateway"), "--status-file", str(plan.status_file("gateway")))
+    places = ("--data-dir", str(gateway_folder(plan.data_dir)), "--status-file", str(plan.status_file("gateway")))
     tls = ("--tls", "on" if plan.tls else "off")
-    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places, *tls, *plan.doors, *_shared(plan))
+    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places, *tls, *plan.access, *_shared(plan))
 
 
 def _replica(plan: Plan, replica: Replica) -> Launch:
     folder = replica.name.replace(" ", "-")
     ports = ("--port", str(replica.http_port), "--grpc-port", str(replica.grpc_port))
     places = ("--data-dir", str(plan.data_dir / folder), "--status-file", str(plan.status_file(folder)))
-    return _row(plan, replica.name, GATEWAY, "gateway", *ports, *places, "--tls", "off", *plan.doors, *_shared(plan))
+    return _row(plan, replica.name, GATEWAY, "gateway", *ports, *places, "--tls", "off", *plan.access, *_shared(plan))
 
 
 def _simulator(plan: Plan) -> Launch:

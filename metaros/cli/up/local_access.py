@@ -1,4 +1,4 @@
-"""How the user of this machine gets into the gateway that `metaros up` has started: a sign-in link and a key.
+"""Credentials of this machine's user for the gateway that `metaros up` has started: a sign-in link and an API key.
 
 The gateway writes a key into its data directory, which only this user reads. With it one asks for a link that signs a
 browser in once; and the command line finds it through `~/.metaros/credentials`.
@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 
 from metaros.access.credentials import forget_key, save_key
 from metaros.access.trust import open_connection
+from metaros.cli.shared.instances import gateway_folder
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:
-    from metaros.cli.up_plan import Plan
+    from metaros.cli.up.launch_table import Plan
 
-__all__ = ["begin_access", "end_access", "local_key", "make_secret", "sign_in_link"]
+__all__ = ["grant_access", "local_key", "make_secret", "revoke_access", "sign_in_link"]
 
 TIMEOUT_S = 5.0
 
@@ -32,7 +33,7 @@ def local_key(plan: Plan) -> str:
         return ""
 
 
-def begin_access(plan: Plan) -> str:
+def grant_access(plan: Plan) -> str:
     """Let the command line find the key; what went wrong with that, or ""."""
     try:
         for url, file in _files(plan):
@@ -42,7 +43,7 @@ def begin_access(plan: Plan) -> str:
     return ""
 
 
-def end_access(plan: Plan) -> None:
+def revoke_access(plan: Plan) -> None:
     """The gateway is gone: whoever has its port next is not to be shown a key."""
     for url, file in _files(plan):
         with contextlib.suppress(ConfigError):
@@ -84,4 +85,4 @@ def _files(plan: Plan) -> list[tuple[str, Path]]:
 
 
 def _file(plan: Plan) -> Path:
-    return plan.data_dir.resolve() / "gateway" / "local.key"
+    return gateway_folder(plan.data_dir.resolve()) / "local.key"

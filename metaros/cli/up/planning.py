@@ -1,4 +1,4 @@
-"""What `metaros up` decides before it starts anything: ports, router, robot numbers, and the claim on them."""
+"""The plan of `metaros up`: ports, router and robot numbers, chosen and claimed before anything is started."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from metaros.cli.instance import DataDir, Instance, running_instances
-from metaros.cli.options import DEFAULT_ZENOH_PORT
-from metaros.cli.up_plan import Plan, Replica, first_free_robot, host_robot_name
-from metaros.cli.up_ports import PortChoice, choose_port, port_free, port_owner
+from metaros.cli.shared.instances import DataDir, Instance, running_instances
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT
+from metaros.cli.shared.ports import PortChoice, choose_port, port_free, port_owner
+from metaros.cli.up.launch_table import Plan, Replica, first_free_robot, host_robot_name
 from metaros.clock import Clock
 from metaros.errors import ConfigError, UnavailableError
 
 if TYPE_CHECKING:
-    from metaros.cli.up_screen import Screen
+    from metaros.cli.up.screen import Screen
 
-__all__ = ["UpOptions", "claim", "decide", "lost_ports"]
+__all__ = ["UpOptions", "claim", "lost_ports", "make_plan"]
 
 HTTP_PORT, GRPC_PORT = 8080, 8081
 CLUSTER_PORT = 7457
@@ -58,15 +58,15 @@ class UpOptions:
         return self.tls == "on" or (self.tls == "auto" and (self.tls_cert is not None or not _is_loopback(self.host)))
 
     @property
-    def doors(self) -> tuple[str, ...]:
-        """What the gateway is told of who may come in."""
+    def access(self) -> tuple[str, ...]:
+        """The gateway's options of who may access it."""
         pair = (("--tls-cert", self.tls_cert), ("--tls-key", self.tls_key))
         files = [text for flag, path in pair if path is not None for text in (flag, str(path))]
         names = [text for name in self.allow_hosts for text in ("--allow-host", name)]
         return (*files, *names, *(() if self.anonymous else ("--no-anonymous",)))
 
 
-def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int] = ()) -> Plan:
+def make_plan(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int] = ()) -> Plan:
     """Choose ports and robot numbers that nobody has; called under the claim lock. Who moves takes none that was lost
     at an earlier start.
     """
@@ -111,7 +111,7 @@ def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[
         camera=options.camera,
         protected=options.protected,
         tls=options.tls_on,
-        doors=options.doors,
+        access=options.access,
         database=options.database,
         replicas=replicas,
         cluster_port=cluster_port,
@@ -199,10 +199,10 @@ def _router(options: UpOptions, others: list[Instance], screen: Screen, *, avoid
 
 def _graph_names(zenoh_port: int, domain: int) -> list[str]:
     """Namespaces and topics on the router that we join."""
-    from metaros.cli.connection import look
+    from metaros.cli.shared.connection import open_graph
 
     try:
-        with look(zenoh_port, domain, spin_time=1.0) as graph:
+        with open_graph(zenoh_port, domain, spin_time=1.0) as graph:
             return [*(node.namespace for node in graph.nodes()), *graph.topics()]
     except UnavailableError:  # claimed by an instance that is still starting
         return []

@@ -13,21 +13,22 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli import instance, up_access, up_ready
-from metaros.cli.instance import Instance, StateFile
-from metaros.cli.up_decide import UpOptions, claim, decide, lost_ports
-from metaros.cli.up_enrol import enrol_robots
-from metaros.cli.up_plan import GATEWAY, Plan, launches
-from metaros.cli.viewer_links import foxglove_page, make_ticket, viewer_ports
+from metaros.cli.shared import instances
+from metaros.cli.shared.instances import Instance, StateFile
+from metaros.cli.up import local_access, ready
+from metaros.cli.up.enrol import enrol_robots
+from metaros.cli.up.launch_table import GATEWAY, Plan, launches
+from metaros.cli.up.planning import UpOptions, claim, lost_ports, make_plan
+from metaros.cli.up.viewer_links import foxglove_page, make_ticket, viewer_ports
 from metaros.clock import Clock
+from metaros.concurrency.signals import on_stop
 from metaros.errors import PeerError, UnavailableError
-from metaros.signals import on_stop
 from metaros.supervise import Event, EventKind, Exit, Supervisor
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
 
-    from metaros.cli.up_screen import Screen
+    from metaros.cli.up.screen import Screen
 
 __all__ = ["run"]
 
@@ -39,7 +40,7 @@ WRONG = Exit(code=2).reason  # what a program says that was started wrongly: the
 GIVE_UP_AFTER = 3  # a process that dies so often before all is ready will not get there
 
 
-class StopAskedError(PeerError):
+class StopRequestedError(PeerError):
     """The user asked to stop before all was ready."""
 
     code = "stopped"
@@ -58,16 +59,16 @@ class PortLostError(PeerError):
 
 async def run(options: UpOptions, screen: Screen, *, clock: Clock, rng: Random) -> None:
     """Start everything, stay until asked to stop, leave nothing behind."""
-    data = instance.open_data_dir(options.data_dir)
+    data = instances.open_data_dir(options.data_dir)
     if data.note:
         screen.note(data.note)
     state = StateFile()
     try:
         lost: list[int] = []
         for starts_left in reversed(range(STARTS)):
-            with instance.claim_lock():
+            with instances.claim_lock():
                 state.withdraw()
-                plan = decide(options, data, screen, lost=lost)
+                plan = make_plan(options, data, screen, lost=lost)
                 claimed = claim(plan, clock)
                 state.write(claimed)
             look = partial(lost_ports, options, plan) if starts_left else None
@@ -81,7 +82,7 @@ async def run(options: UpOptions, screen: Screen, *, clock: Clock, rng: Random) 
 
 
 class _Up:
-    """One run: its supervisor, what it has told the screen, and what went wrong."""
+    """One run: its supervisor, what it has shown, and what went wrong."""
 
     def __init__(
         self,
@@ -121,11 +122,11 @@ class _Up:
             foxglove, rosbridge = viewer_ports(self._plan.status_file("gateway"))
             self._claim = replace(self._claim, foxglove_port=foxglove, rosbridge_port=rosbridge)
             self._save("ready")
-            link = await asyncio.to_thread(up_access.sign_in_link, self._plan)
+            link = await asyncio.to_thread(local_access.sign_in_link, self._plan)
             page = await asyncio.to_thread(self._viewer_page, foxglove)
             self._screen.ready(self._plan, self._clock.monotonic_s() - began, link, page)
             await self._stop.wait()
-        except StopAskedError:
+        except StopRequestedError:
             pass
         except PortLostError as error:
             self._screen.note(str(error))
@@ -137,7 +138,7 @@ class _Up:
     def _viewer_page(self, port: int) -> str:
         """The link that opens Foxglove here; "" where it has no port."""
         url, ca = self._plan.url, self._plan.root_file
-        ticket = make_ticket(url, key=up_access.local_key(self._plan), ca=ca) if port else ""
+        ticket = make_ticket(url, key=local_access.local_key(self._plan), ca=ca) if port else ""
         return foxglove_page(url, port, ticket) if port else ""
 
     def _ask_stop(self) -> None:
@@ -152,7 +153,7 @@ class _Up:
             self._save("stopping")
             self._screen.stopping()
         await self._supervisor.stop(grace_s=REPLICAS_GRACE_S if self._plan.replicas else STOP_GRACE_S)
-        up_access.end_access(self._plan)
+        local_access.revoke_access(self._plan)
         if not again or self._stop.is_set():
             self._screen.stopped()
 
@@ -164,26 +165,26 @@ class _Up:
         rows = self._rows
         self._supervisor.start(row for row in rows if row.stage <= GATEWAY)
         if plan.own_router:
-            await self._step("router", lambda: up_ready.ready_file(plan.status_file("router")))
+            await self._step("router", lambda: ready.ready_file(plan.status_file("router")))
         await self._step("gateway", self._gateway_ready)
-        if fault := up_access.begin_access(plan):
+        if fault := local_access.grant_access(plan):
             self._screen.note(fault)
         if plan.tls:
             self._screen.progress("gateway", "enrolling this instance's robots")
             await self._first(enrol_robots(plan))
         self._supervisor.start(row for row in rows if row.stage > GATEWAY)
         if plan.robots:
-            await self._step("simulator", lambda: up_ready.ready_file(plan.status_file("sim")))
+            await self._step("simulator", lambda: ready.ready_file(plan.status_file("sim")))
         if plan.robot_names:
             await self._step("robots", self._all_online)
 
     def _gateway_ready(self) -> bool:
         urls = (self._plan.url, *self._plan.replica_urls)
-        return all(up_ready.get_json(url, "/readyz", ca=self._plan.root_file)[0] == 200 for url in urls)
+        return all(ready.get_json(url, "/readyz", ca=self._plan.root_file)[0] == 200 for url in urls)
 
     def _all_online(self) -> bool:
-        key = up_access.local_key(self._plan)
-        found = up_ready.robots_online(self._plan.url, key=key, ca=self._plan.root_file)
+        key = local_access.local_key(self._plan)
+        found = ready.robots_online(self._plan.url, key=key, ca=self._plan.root_file)
         online = found & set(self._plan.robot_names)
         self._screen.progress("robots", f"{len(online)} of {len(self._plan.robot_names)} online")
         return len(online) == len(self._plan.robot_names)
@@ -192,7 +193,7 @@ class _Up:
         """Wait for one thing; a stop request or a broken process ends the wait."""
         self._screen.begin(what)
         try:
-            await self._first(up_ready.wait_for(condition, timeout_s=START_TIMEOUT_S))
+            await self._first(ready.wait_for(condition, timeout_s=START_TIMEOUT_S))
         except TimeoutError:
             raise UnavailableError(f"{what} not ready after {START_TIMEOUT_S:.0f} s\n{self._log_hint()}") from None
         self._screen.done(what)
@@ -208,7 +209,7 @@ class _Up:
                 tasks[0].cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
         if self._stop.is_set():
-            raise StopAskedError("asked to stop")
+            raise StopRequestedError("asked to stop")
         if self._broken.is_set():
             said = self._supervisor.tail(self._broken_name)[-8:]
             if self._lost is not None and (lost := self._lost(self._broken_name, said)):

@@ -8,14 +8,14 @@ import threading
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT
 from metaros.clock import Clock
 from metaros.supervise import Event, EventKind
 
 if TYPE_CHECKING:
     from rich.status import Status
 
-    from metaros.cli.up_plan import Plan
+    from metaros.cli.up.launch_table import Plan
 
 __all__ = ["Screen"]
 
@@ -134,6 +134,6 @@ def _suggestion(plan: Plan) -> str:
 def _escape(text: str) -> str:
     from rich.markup import escape
 
-    from metaros.inert import inert_lines
+    from metaros.sanitize import sanitize_lines
 
-    return escape(inert_lines(text))
+    return escape(sanitize_lines(text))

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from metaros.cli.up_access import make_secret
+from metaros.cli.up.local_access import make_secret
 
 __all__ = ["foxglove_page", "make_ticket", "socket_url", "viewer_ports"]
 

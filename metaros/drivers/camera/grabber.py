@@ -1,4 +1,4 @@
-"""The thread that reads a source, so that encoding never holds it up: only the newest picture waits."""
+"""The thread that reads a source independently of encoding; only the newest picture is kept."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from metaros.errors import ConfigError, UnavailableError
 
-__all__ = ["MAX_PIXELS", "Image", "Source", "TestPattern", "VideoSource", "open_source", "resolve_source", "told"]
+__all__ = ["MAX_PIXELS", "Image", "Source", "TestPattern", "VideoSource", "open_source", "redacted", "resolve_source"]
 
 Image = npt.NDArray[np.uint8]  # height x width x 3, BGR
 MAX_PIXELS: Final = 40_000_000
@@ -90,11 +90,13 @@ class VideoSource:
         self._capture: Any = self._opened(cv2, width, height, rate)
         if not self._capture.isOpened():
             self._capture.release()
-            raise UnavailableError(f"cannot open {told(name)}")
+            raise UnavailableError(f"cannot open {redacted(name)}")
         pixels = self._capture.get(cv2.CAP_PROP_FRAME_WIDTH) * self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
         if pixels > MAX_PIXELS:
             self._capture.release()
-            raise UnavailableError(f"{told(name)} has pictures of {pixels:.0f} pixels, at most {MAX_PIXELS} are read")
+            raise UnavailableError(
+                f"{redacted(name)} has pictures of {pixels:.0f} pixels, at most {MAX_PIXELS} are read"
+            )
 
     def _opened(self, cv2: Any, width: int, height: int, rate: float) -> Any:
         if not self._device:
@@ -125,11 +127,11 @@ class VideoSource:
                 self._capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
                 good, image = self._capture.read()
         except cv2.error as error:
-            raise UnavailableError(f"{told(self._name)}: {error}") from None
+            raise UnavailableError(f"{redacted(self._name)}: {error}") from None
         if not good or image is None or image.size == 0:
-            raise UnavailableError(f"{told(self._name)} ended")
+            raise UnavailableError(f"{redacted(self._name)} ended")
         if image.shape[0] * image.shape[1] > MAX_PIXELS:
-            raise UnavailableError(f"{told(self._name)} has pictures of more than {MAX_PIXELS} pixels")
+            raise UnavailableError(f"{redacted(self._name)} has pictures of more than {MAX_PIXELS} pixels")
         return np.asarray(image, np.uint8)
 
     def set_exposure(self, value: float) -> None:
@@ -167,7 +169,7 @@ def resolve_source(text: str) -> str:
     return name
 
 
-def told(name: str) -> str:
+def redacted(name: str) -> str:
     """The source as it may be read by everybody: without name and password, query and fragment."""
     if "://" not in name:
         return name

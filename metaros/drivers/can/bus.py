@@ -8,9 +8,9 @@ from typing import Any, Final
 import can
 
 from metaros.drivers.can import slcan
+from metaros.drivers.context import DriverContext
 from metaros.drivers.lines import LineSplitter
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.errors import ConfigError, UnavailableError
 
 __all__ = ["PythonCanBus", "SlcanBus", "open_bus"]
@@ -19,20 +19,22 @@ READ_S: Final = 0.05
 _SEND_S: Final = 0.1
 
 
-def open_bus(unit: Unit) -> PythonCanBus | SlcanBus:
+def open_bus(context: DriverContext) -> PythonCanBus | SlcanBus:
     """The bus of the parameters; UnavailableError where it is not there now."""
-    return SlcanBus(unit) if unit["interface"] == "slcan" else PythonCanBus(unit)
+    return SlcanBus(context) if context["interface"] == "slcan" else PythonCanBus(context)
 
 
 class PythonCanBus:
     """One of python-can's interfaces."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self.name = f"{unit['interface']} {unit['channel']}"
-        options = {} if unit["interface"] in ("virtual", "udp_multicast", "socketcan") else {"bitrate": unit["bitrate"]}
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self.name = f"{context['interface']} {context['channel']}"
+        options = (
+            {} if context["interface"] in ("virtual", "udp_multicast", "socketcan") else {"bitrate": context["bitrate"]}
+        )
         try:
-            self._bus: Any = can.Bus(interface=unit["interface"], channel=unit["channel"], **options)
+            self._bus: Any = can.Bus(interface=context["interface"], channel=context["channel"], **options)
         except can.CanInterfaceNotImplementedError as error:
             raise ConfigError(f"can: {self.name}: {error}") from None
         except (can.CanError, OSError, ValueError) as error:
@@ -44,7 +46,7 @@ class PythonCanBus:
             message = self._bus.recv(READ_S)
         except can.CanOperationError as error:
             if "unpack" in str(error):  # one datagram of a multicast bus that is no frame
-                self._unit.count("bad_frames")
+                self._context.count("bad_frames")
                 return []
             raise UnavailableError(f"{self.name}: {error}") from None
         except (OSError, ValueError) as error:
@@ -66,27 +68,27 @@ class PythonCanBus:
 class SlcanBus:
     """An adapter on a serial port."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self.name = f"slcan {unit['channel']}"
-        if unit["bitrate"] not in slcan.BITRATES:
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self.name = f"slcan {context['channel']}"
+        if context["bitrate"] not in slcan.BITRATES:
             raise ConfigError(f"can: slcan has the bitrates {', '.join(map(str, slcan.BITRATES))}")
-        self._port = SerialPort(unit, unit["channel"], unit["baud"])
-        self._lines = LineSplitter(max_bytes=slcan.MAX_LINE, count=unit.count)
-        self._port.write(b"\r" + slcan.CLOSE + slcan.set_bitrate(unit["bitrate"]) + slcan.OPEN)
+        self._port = SerialPort(context, context["channel"], context["baud"])
+        self._lines = LineSplitter(max_bytes=slcan.MAX_LINE, count=context.count)
+        self._port.write(b"\r" + slcan.CLOSE + slcan.set_bitrate(context["bitrate"]) + slcan.OPEN)
 
     def read(self) -> list[Any]:
         """What came, a tenth of a second waited for at most."""
         data = self._port.read()
         if refusals := data.count(b"\a"):
-            self._unit.count("refused_by_adapter", refusals)
+            self._context.count("refused_by_adapter", refusals)
         found = []
         for line in self._lines.feed(data.replace(b"\a", b"\r")):
             frame = slcan.parse_frame(line)
             if frame is not None:
                 found.append(can.Message(**frame))
             elif line not in ("z", "Z"):  # the answers to what we sent
-                self._unit.count("bad_frames")
+                self._context.count("bad_frames")
         return found
 
     def send(self, message: Any) -> None:

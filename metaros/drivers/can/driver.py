@@ -11,7 +11,7 @@ from metaros.drivers.can.bus import PythonCanBus, SlcanBus, open_bus
 from metaros.drivers.can.identifiers import MOST_IDS, read_ids
 from metaros.drivers.can.latest import Latest
 from metaros.drivers.can.signals import Signals
-from metaros.drivers.unit import DriverPublisher, Unit
+from metaros.drivers.context import DriverContext, DriverPublisher
 from metaros.errors import UnavailableError
 from metaros.interfaces.can_msgs.msg import Frame
 from metaros.interfaces.std_msgs.msg import Float64, Header
@@ -22,42 +22,42 @@ __all__ = ["CanDevice", "make"]
 _DEPTH: Final = 200
 
 
-def make(unit: Unit) -> CanDevice:
+def make(context: DriverContext) -> CanDevice:
     """The bus of the parameters."""
-    return CanDevice(unit)
+    return CanDevice(context)
 
 
 class CanDevice:
     """Sends nothing by itself, and nothing that was given while the bus was away."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._bus: PythonCanBus | SlcanBus | None = None
-        self._signals = Signals(unit["dbc"], unit["signals"]) if unit["dbc"] else None
-        self._frames = unit.publisher(Frame, "can/rx", QoSProfile(depth=_DEPTH)) if unit["frames"] else None
+        self._signals = Signals(context["dbc"], context["signals"]) if context["dbc"] else None
+        self._frames = context.publisher(Frame, "can/rx", QoSProfile(depth=_DEPTH)) if context["frames"] else None
         self._values: dict[str, DriverPublisher] = {
-            name: unit.publisher(Float64, f"can/{name}", qos_default)
+            name: context.publisher(Float64, f"can/{name}", qos_default)
             for name in (self._signals.names if self._signals else ())
         }
-        self._frame_gate = Latest(unit["frame_rate"], most=MOST_IDS)
-        self._value_gate = Latest(unit["signal_rate"], most=MOST_IDS)
-        self._tx_ids = read_ids(unit["tx_ids"])
-        if unit["allow_tx"]:
-            unit.subscription(Frame, "can/tx", self._on_tx, QoSProfile(depth=10), dedicated=True)
+        self._frame_gate = Latest(context["frame_rate"], most=MOST_IDS)
+        self._value_gate = Latest(context["signal_rate"], most=MOST_IDS)
+        self._tx_ids = read_ids(context["tx_ids"])
+        if context["allow_tx"]:
+            context.subscription(Frame, "can/tx", self._on_tx, QoSProfile(depth=10), dedicated=True)
 
     def open(self) -> None:
         """Join the bus."""
-        self._bus = open_bus(self._unit)
-        self._unit.opened(f"on {self._bus.name}")
+        self._bus = open_bus(self._context)
+        self._context.opened(f"on {self._bus.name}")
 
     def run(self) -> None:
-        """Hear and tell."""
-        unit, bus = self._unit, self._bus
+        """Receive and publish."""
+        context, bus = self._context, self._bus
         assert bus is not None
-        while not unit.stopping:
+        while not context.stopping:
             for message in bus.read():
                 self._take(message)
-            now_s = unit.clock.monotonic_s()
+            now_s = context.clock.monotonic_s()
             for _, frame in self._frame_gate.due(now_s):
                 self._publish(frame)
             for name, value in self._value_gate.due(now_s):
@@ -72,15 +72,15 @@ class CanDevice:
     # -- from the bus ----------------------------------------------------------------------------------------------
 
     def _take(self, message: Any) -> None:
-        unit, now_s = self._unit, self._unit.clock.monotonic_s()
+        context, now_s = self._context, self._context.clock.monotonic_s()
         if message.is_error_frame:
-            unit.count("error_frames")
-            unit.warn("the bus has errors")
+            context.count("error_frames")
+            context.warn("the bus has errors")
             return
         if message.is_fd:  # longer than a can_msgs/Frame can be
-            unit.count("fd_frames")
+            context.count("fd_frames")
             return
-        unit.warn("")
+        context.warn("")
         if self._frames is not None:
             frame = self._frame(message)
             key = (message.arbitration_id, message.is_extended_id)
@@ -96,7 +96,7 @@ class CanDevice:
                 self._signals.values(message.arbitration_id, extended=message.is_extended_id, data=bytes(message.data))
             )
         except ValueError:
-            self._unit.count("undecoded_frames")
+            self._context.count("undecoded_frames")
             return
         for name, value in found:
             if self._value_gate.give(name, value, now_s):
@@ -106,7 +106,7 @@ class CanDevice:
         data = np.zeros(8, np.uint8)
         data[: len(message.data)] = list(message.data)
         return Frame(
-            header=Header(stamp=self._unit.stamp(), frame_id=self._unit["frame_id"]),
+            header=Header(stamp=self._context.stamp(), frame_id=self._context["frame_id"]),
             id=message.arbitration_id,
             is_rtr=message.is_remote_frame,
             is_extended=message.is_extended_id,
@@ -123,7 +123,7 @@ class CanDevice:
     def _on_tx(self, frame: Frame) -> None:
         bus, allowed = self._bus, (frame.id, bool(frame.is_extended)) in self._tx_ids
         if bus is None or frame.is_error or frame.dlc > 8 or not allowed:
-            self._unit.count("refused_commands")
+            self._context.count("refused_commands")
             return
         message = can.Message(
             arbitration_id=frame.id,
@@ -134,6 +134,6 @@ class CanDevice:
         )
         try:
             bus.send(message)
-            self._unit.count("sent_frames")
+            self._context.count("sent_frames")
         except UnavailableError:
-            self._unit.count("unsent_frames")
+            self._context.count("unsent_frames")

@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from metaros.drivers.diff_drive.board import Board
+from metaros.drivers.context import DriverContext
 from metaros.drivers.diff_drive.command import CommandGate
 from metaros.drivers.diff_drive.kinematics import Wheels
+from metaros.drivers.diff_drive.motor_board import MotorBoard
 from metaros.drivers.diff_drive.odometry import Odometer
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.errors import UnavailableError
 from metaros.interfaces.geometry_msgs.msg import (
     Point,
@@ -41,78 +41,78 @@ _STOPPED: Final = "stopped by ~/stop"
 _NEVER: Final = 1e-9  # variance of what a base on the floor does not do: leave it
 
 
-def make(unit: Unit) -> DiffDriveDevice:
+def make(context: DriverContext) -> DiffDriveDevice:
     """A base on the port of the parameters."""
-    return DiffDriveDevice(unit)
+    return DiffDriveDevice(context)
 
 
 class DiffDriveDevice:
     """Nothing moves without a command that is younger than the watchdog, nor by one from before the board was away."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._wheels = Wheels(
-            radius_m=unit["wheel_radius"],
-            separation_m=unit["wheel_separation"],
-            ticks_per_turn=unit["ticks_per_turn"],
-            left_sign=-1 if unit["left_inverted"] else 1,
-            right_sign=-1 if unit["right_inverted"] else 1,
+            radius_m=context["wheel_radius"],
+            separation_m=context["wheel_separation"],
+            ticks_per_turn=context["ticks_per_turn"],
+            left_sign=-1 if context["left_inverted"] else 1,
+            right_sign=-1 if context["right_inverted"] else 1,
         )
         self._gate = CommandGate(
-            max_linear=unit["max_linear"],
-            max_angular=unit["max_angular"],
-            linear_acceleration=unit["linear_acceleration"],
-            angular_acceleration=unit["angular_acceleration"],
-            watchdog_s=unit["watchdog"],
+            max_linear=context["max_linear"],
+            max_angular=context["max_angular"],
+            linear_acceleration=context["linear_acceleration"],
+            angular_acceleration=context["angular_acceleration"],
+            watchdog_s=context["watchdog"],
         )
-        fastest = max(map(abs, self._wheels.ticks(unit["max_linear"], unit["max_angular"])))
-        fastest = max(fastest, *map(abs, self._wheels.ticks(unit["max_linear"], -unit["max_angular"])))
+        fastest = max(map(abs, self._wheels.ticks(context["max_linear"], context["max_angular"])))
+        fastest = max(fastest, *map(abs, self._wheels.ticks(context["max_linear"], -context["max_angular"])))
         self._odometer = Odometer(self._wheels, max_ticks_s=MARGIN * fastest)
         self._port: SerialPort | None = None
-        self._board: Board | None = None
-        self._odometry = unit.publisher(Odometry, "odom", qos_default)
-        self._transforms = unit.publisher(TFMessage, "tf", qos_default, reading=False)
-        self._joints = unit.publisher(JointState, "joint_states", qos_default, reading=False)
-        unit.subscription(Twist, "cmd_vel", self._on_command, qos_command)
-        unit.service(Trigger, "~/stop", self._on_stop)
-        unit.service(Trigger, "~/release", self._on_release)
+        self._board: MotorBoard | None = None
+        self._odometry = context.publisher(Odometry, "odom", qos_default)
+        self._transforms = context.publisher(TFMessage, "tf", qos_default, reading=False)
+        self._joints = context.publisher(JointState, "joint_states", qos_default, reading=False)
+        context.subscription(Twist, "cmd_vel", self._on_command, qos_command)
+        context.service(Trigger, "~/stop", self._on_stop)
+        context.service(Trigger, "~/release", self._on_release)
 
     def open(self) -> None:
         """Open the port and wait until the board answers; it is told to stand still."""
-        unit = self._unit
+        context = self._context
         self._gate.forget()
         self._odometer.begin()
-        self._port = SerialPort(unit, unit["port"], unit["baud"])
-        self._board = Board(unit, self._port)
-        until_s = unit.clock.monotonic_s() + BOOT_S
+        self._port = SerialPort(context, context["port"], context["baud"])
+        self._board = MotorBoard(context, self._port)
+        until_s = context.clock.monotonic_s() + BOOT_S
         while self._board.exchange(0, 0) is None:
-            if unit.stopping:
+            if context.stopping:
                 return
-            if unit.clock.monotonic_s() > until_s:
+            if context.clock.monotonic_s() > until_s:
                 raise UnavailableError(f"{self._port.port}: the board does not answer")
         self._gate.forget()  # what was commanded while it started is no new command
-        unit.opened(f"board on {self._port.port}", hardware_id="")
-        unit.warn(_STOPPED if self._gate.stopped else "")
+        context.opened(f"board on {self._port.port}", hardware_id="")
+        context.warn(_STOPPED if self._gate.stopped else "")
 
     def run(self) -> None:
         """Drive, read, publish, `rate` times a second."""
-        unit, board = self._unit, self._board
+        context, board = self._context, self._board
         assert board is not None
-        period_s = 1 / unit["rate"]
-        asked_s = next_s = unit.clock.monotonic_s()
+        period_s = 1 / context["rate"]
+        asked_s = next_s = context.clock.monotonic_s()
         unanswered = 0
-        while not unit.stopping:
+        while not context.stopping:
             if not unanswered:
-                asked_s = unit.clock.monotonic_s()
+                asked_s = context.clock.monotonic_s()
             counts = board.exchange(*self._ticks())
-            now_s, stamp_ns = unit.clock.monotonic_s(), unit.clock.wall_ns()
+            now_s, stamp_ns = context.clock.monotonic_s(), context.clock.wall_ns()
             unanswered = 0 if counts is not None else unanswered + 1
             if counts is not None:
                 self._take(counts, asked_s, now_s, stamp_ns)
             elif unanswered >= SILENT_ASKS:
                 raise UnavailableError("the board does not answer any more")
             next_s = max(next_s + period_s, now_s)
-            unit.wait(next_s - now_s)
+            context.wait(next_s - now_s)
 
     def close(self) -> None:
         """Stop the wheels, close the port."""
@@ -131,19 +131,19 @@ class DiffDriveDevice:
     # -- the wheels ------------------------------------------------------------------------------------------------
 
     def _ticks(self) -> tuple[int, int]:
-        linear, angular = self._gate.speeds(self._unit.clock.monotonic_s())
+        linear, angular = self._gate.speeds(self._context.clock.monotonic_s())
         left, right = self._wheels.ticks(linear, angular)
-        pid_rate = self._unit["pid_rate"]
+        pid_rate = self._context["pid_rate"]
         return round(left / pid_rate), round(right / pid_rate)
 
     def _take(self, counts: tuple[int, int], asked_s: float, now_s: float, stamp_ns: int) -> None:
-        unit, odometer = self._unit, self._odometer
-        if not odometer.feed(counts, now_s, error=unit["odometry_error"], asked_s=asked_s):
-            unit.count("encoder_jumps")
+        context, odometer = self._context, self._odometer
+        if not odometer.feed(counts, now_s, error=context["odometry_error"], asked_s=asked_s):
+            context.count("encoder_jumps")
             self._gate.forget()  # a board that began anew is not driven on by what it was told before
-        header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["odom_frame"])
+        header = Header(stamp=context.stamp(stamp_ns), frame_id=context["odom_frame"])
         self._odometry.publish(self._odometry_message(header), stamp_ns=stamp_ns)
-        if unit["publish_tf"]:
+        if context["publish_tf"]:
             self._transforms.publish(TFMessage(transforms=[self._transform(header)]), stamp_ns=stamp_ns)
         joints = JointState(header=Header(stamp=header.stamp), name=["left_wheel_joint", "right_wheel_joint"])
         joints.position, joints.velocity = np.array(odometer.angles), np.array(odometer.rates)
@@ -152,13 +152,13 @@ class DiffDriveDevice:
     # -- messages --------------------------------------------------------------------------------------------------
 
     def _odometry_message(self, header: Header) -> Odometry:
-        odometer, error = self._odometer, self._unit["odometry_error"]
+        odometer, error = self._odometer, self._context["odometry_error"]
         pose = odometer.pose
         speed_variance = (error * odometer.linear) ** 2 + self._wheels.tick_m**2
         turn_variance = (error * odometer.angular) ** 2 + (self._wheels.tick_m / self._wheels.separation_m) ** 2
         return Odometry(
             header=header,
-            child_frame_id=self._unit["base_frame"],
+            child_frame_id=self._context["base_frame"],
             pose=PoseWithCovariance(
                 pose=Pose(position=Point(x=pose.x, y=pose.y, z=0.0), orientation=_turned(pose.yaw)),
                 covariance=_planar(pose.place_variance, pose.place_variance, pose.yaw_variance),
@@ -172,25 +172,25 @@ class DiffDriveDevice:
     def _transform(self, header: Header) -> TransformStamped:
         pose = self._odometer.pose
         transform = Transform(translation=Vector3(x=pose.x, y=pose.y, z=0.0), rotation=_turned(pose.yaw))
-        return TransformStamped(header=header, child_frame_id=self._unit["base_frame"], transform=transform)
+        return TransformStamped(header=header, child_frame_id=self._context["base_frame"], transform=transform)
 
     # -- from others -----------------------------------------------------------------------------------------------
 
     def _on_command(self, message: Twist) -> None:
         if self._board is None:
-            self._unit.count("refused_commands")  # it is away, and shall not start by this when it is back
-        elif not self._gate.command(message.linear.x, message.angular.z, self._unit.clock.monotonic_s()):
-            self._unit.count("refused_commands")
+            self._context.count("refused_commands")  # it is away, and shall not start by this when it is back
+        elif not self._gate.command(message.linear.x, message.angular.z, self._context.clock.monotonic_s()):
+            self._context.count("refused_commands")
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         self._gate.stop()
-        self._unit.warn(_STOPPED)
+        self._context.warn(_STOPPED)
         response.success, response.message = True, "stopped until ~/release"
         return response
 
     def _on_release(self, _: Any, response: Any) -> Any:
         self._gate.release()
-        self._unit.warn("")
+        self._context.warn("")
         response.success, response.message = True, "obeys new commands"
         return response
 

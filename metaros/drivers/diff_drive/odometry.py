@@ -15,7 +15,7 @@ class Odometer:
         self._wheels = wheels
         self._max_ticks_s = max_ticks_s
         self._counts: tuple[int, int] | None = None
-        self._asked_s = self._heard_s = 0.0
+        self._asked_s = self._received_s = 0.0
         self.pose = Pose()
         self.linear = self.angular = 0.0
         self.angles = (0.0, 0.0)
@@ -33,8 +33,8 @@ class Odometer:
         """
         asked_s = now_s if asked_s is None else asked_s
         last, self._counts = self._counts, counts
-        longest_s, step_s = now_s - self._asked_s, (asked_s + now_s - self._asked_s - self._heard_s) / 2
-        self._asked_s, self._heard_s = asked_s, now_s
+        longest_s, step_s = now_s - self._asked_s, (asked_s + now_s - self._asked_s - self._received_s) / 2
+        self._asked_s, self._received_s = asked_s, now_s
         if last is None or step_s <= 0:
             return True
         left, right = wrapped(counts[0] - last[0]), wrapped(counts[1] - last[1])

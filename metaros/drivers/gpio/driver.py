@@ -7,9 +7,9 @@ import math
 import warnings
 from typing import Any, Final
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.gpio.pins import InputPin, OutputPin, parse_inputs, parse_outputs, refuse_doubles
 from metaros.drivers.gpio.states import Debounced, OutputState
-from metaros.drivers.unit import Unit
 from metaros.errors import ConfigError
 from metaros.interfaces.std_msgs.msg import Bool
 from metaros.wire import qos_command, qos_transient_local
@@ -19,18 +19,18 @@ __all__ = ["GpioDevice", "make"]
 REPEAT_S: Final = 1.0
 
 
-def make(unit: Unit) -> GpioDevice:
+def make(context: DriverContext) -> GpioDevice:
     """The pins of the parameters."""
-    return GpioDevice(unit)
+    return GpioDevice(context)
 
 
 class GpioDevice:
     """Inputs are polled and not waited for: bounces shorter than a period are no events, and no thread is needed."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self._inputs = [_Input(unit, pin) for pin in parse_inputs(unit["inputs"])]
-        self._outputs = [_Output(unit, pin) for pin in parse_outputs(unit["outputs"])]
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self._inputs = [_Input(context, pin) for pin in parse_inputs(context["inputs"])]
+        self._outputs = [_Output(context, pin) for pin in parse_outputs(context["outputs"])]
         refuse_doubles([each.pin for each in self._inputs], [each.pin for each in self._outputs])
         self._pins: list[_Input | _Output] = [*self._outputs, *self._inputs]
         for each in self._pins:
@@ -51,14 +51,14 @@ class GpioDevice:
             ) from None
         except (gpiozero.GPIOZeroError, OSError, ValueError) as error:
             raise ConfigError(f"gpio: {error}") from None
-        self._unit.opened(f"{len(self._inputs)} inputs, {len(self._outputs)} outputs", hardware_id="")
+        self._context.opened(f"{len(self._inputs)} inputs, {len(self._outputs)} outputs", hardware_id="")
 
     def run(self) -> None:
         """Look at all pins, `poll_rate` times a second."""
-        unit = self._unit
-        period_s = 1 / unit["poll_rate"]
-        while not unit.wait(period_s):
-            now_s, debounce_s = unit.clock.monotonic_s(), unit["debounce"]
+        context = self._context
+        period_s = 1 / context["poll_rate"]
+        while not context.wait(period_s):
+            now_s, debounce_s = context.clock.monotonic_s(), context["debounce"]
             for each in self._inputs:
                 each.look(now_s, debounce_s)
             for output in self._outputs:
@@ -71,15 +71,15 @@ class GpioDevice:
 
 
 class _Input:
-    def __init__(self, unit: Unit, pin: InputPin) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, pin: InputPin) -> None:
+        self._context = context
         self.pin = pin
         self._device: Any = None
         self._state = Debounced()
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
 
     def connect(self) -> None:
-        self._publisher = self._unit.publisher(Bool, f"gpio/{self.pin.name}", qos_transient_local)
+        self._publisher = self._context.publisher(Bool, f"gpio/{self.pin.name}", qos_transient_local)
 
     def open(self) -> None:
         from gpiozero import DigitalInputDevice
@@ -93,8 +93,8 @@ class _Input:
     def look(self, now_s: float, debounce_s: float) -> None:
         seen = bool(self._device.value) != self.pin.inverted
         changed = self._state.look(seen, now_s, debounce_s=debounce_s)
-        if changed or now_s - self._told_s >= REPEAT_S:
-            self._told_s = now_s
+        if changed or now_s - self._reported_s >= REPEAT_S:
+            self._reported_s = now_s
             self._publisher.publish(Bool(data=bool(self._state.value)))
 
     def close(self) -> None:
@@ -104,18 +104,18 @@ class _Input:
 
 
 class _Output:
-    def __init__(self, unit: Unit, pin: OutputPin) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, pin: OutputPin) -> None:
+        self._context = context
         self.pin = pin
         self._device: Any = None
-        self._state = OutputState(pin, watchdog_s=unit["watchdog"])
-        self._told: bool | None = None
-        self._told_s = -math.inf
+        self._state = OutputState(pin, watchdog_s=context["watchdog"])
+        self._reported: bool | None = None
+        self._reported_s = -math.inf
 
     def connect(self) -> None:
         name = f"gpio/{self.pin.name}"
-        self._publisher = self._unit.publisher(Bool, name, qos_transient_local)
-        self._unit.subscription(Bool, f"{name}/set", self._on_set, qos_command)
+        self._publisher = self._context.publisher(Bool, name, qos_transient_local)
+        self._context.subscription(Bool, f"{name}/set", self._on_set, qos_command)
 
     def open(self) -> None:
         from gpiozero import DigitalOutputDevice
@@ -127,9 +127,9 @@ class _Output:
 
     def look(self, now_s: float) -> None:
         value = self._state.value(now_s)
-        if value != self._told:
+        if value != self._reported:
             self._device.value = value
-        self._tell(value, now_s)
+        self._report(value, now_s)
 
     def close(self) -> None:
         device, self._device = self._device, None
@@ -138,19 +138,21 @@ class _Output:
             with contextlib.suppress(Exception):  # a pin that fails keeps the others from nothing
                 device.value = self.pin.safe
             device.close()
-            self._tell(self.pin.safe, self._unit.clock.monotonic_s())
-        self._told, self._told_s = None, -math.inf
+            self._report(self.pin.safe, self._context.clock.monotonic_s())
+        self._reported, self._reported_s = None, -math.inf
 
-    def _tell(self, value: bool, now_s: float) -> None:
-        if value != self._told or now_s - self._told_s >= REPEAT_S:
-            self._told, self._told_s = value, now_s
+    def _report(self, value: bool, now_s: float) -> None:
+        if value != self._reported or now_s - self._reported_s >= REPEAT_S:
+            self._reported, self._reported_s = value, now_s
             self._publisher.publish(Bool(data=value), farewell=True)
 
     def _on_set(self, message: Bool) -> None:
         if self._device is None:
-            self._unit.count("refused_commands")  # the pins are away: they shall not start by this when they are back
+            self._context.count(
+                "refused_commands"
+            )  # the pins are away: they shall not start by this when they are back
         else:
-            self._state.set(message.data, self._unit.clock.monotonic_s())
+            self._state.set(message.data, self._context.clock.monotonic_s())
 
 
 def _pin(text: str) -> int | str:

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.gps.epoch import NO_FIX, Epoch
 from metaros.drivers.gps.reader import EpochReader, pvt_request
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.interfaces.geometry_msgs.msg import Twist, TwistStamped, Vector3
 from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
 from metaros.interfaces.std_msgs.msg import Header
@@ -20,42 +20,42 @@ __all__ = ["GpsDevice", "make"]
 PAUSE_NS: Final = 30_000_000
 
 
-def make(unit: Unit) -> GpsDevice:
+def make(context: DriverContext) -> GpsDevice:
     """A receiver on the port of the parameters."""
-    return GpsDevice(unit)
+    return GpsDevice(context)
 
 
 class GpsDevice:
     """A fix that is known gets its covariance; one that is not is NaN, so that nobody drives to 0, 0."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._port: SerialPort | None = None
-        self._fixes = unit.publisher(NavSatFix, "fix")
-        self._velocities = unit.publisher(TwistStamped, "velocity", reading=False)
-        self._times = unit.publisher(TimeReference, "time_reference", reading=False)
+        self._fixes = context.publisher(NavSatFix, "fix")
+        self._velocities = context.publisher(TwistStamped, "velocity", reading=False)
+        self._times = context.publisher(TimeReference, "time_reference", reading=False)
 
     def open(self) -> None:
         """Open the port."""
-        unit = self._unit
-        self._port = SerialPort(unit, unit["port"], unit["baud"])
-        if unit["request_pvt"]:
+        context = self._context
+        self._port = SerialPort(context, context["port"], context["baud"])
+        if context["request_pvt"]:
             self._port.write(pvt_request())
-        unit.opened(f"reading {self._port.port}", hardware_id="")
+        context.opened(f"reading {self._port.port}", hardware_id="")
 
     def run(self) -> None:
         """Read. An epoch's stamp is the moment of its first bytes: after a pause, or after the epoch before."""
-        unit, port = self._unit, self._port
+        context, port = self._context, self._port
         assert port is not None
-        reader = EpochReader(unit.count)
-        begun_ns, heard_ns = None, 0
-        while not unit.stopping:
-            data, now_ns = port.read(), unit.clock.wall_ns()
+        reader = EpochReader(context.count)
+        begun_ns, received_ns = None, 0
+        while not context.stopping:
+            data, now_ns = port.read(), context.clock.wall_ns()
             if data:
-                if begun_ns is None or now_ns - heard_ns > PAUSE_NS:
+                if begun_ns is None or now_ns - received_ns > PAUSE_NS:
                     begun_ns = now_ns
-                heard_ns = now_ns
-            for epoch in reader.feed(data, unit.clock.monotonic_s()):
+                received_ns = now_ns
+            for epoch in reader.feed(data, context.clock.monotonic_s()):
                 self._publish(epoch, begun_ns or now_ns)
                 begun_ns = None
 
@@ -66,28 +66,28 @@ class GpsDevice:
             port.close()
 
     def _publish(self, epoch: Epoch, begun_ns: int) -> None:
-        unit = self._unit
-        self._tell(epoch)
-        stamp_ns = begun_ns - round(unit["delay"] * 1e9)
-        header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"])
-        self._fixes.publish(_fix(epoch, header, unit["uere"]), stamp_ns=stamp_ns)
+        context = self._context
+        self._report(epoch)
+        stamp_ns = begun_ns - round(context["delay"] * 1e9)
+        header = Header(stamp=context.stamp(stamp_ns), frame_id=context["frame_id"])
+        self._fixes.publish(_fix(epoch, header, context["uere"]), stamp_ns=stamp_ns)
         if epoch.velocity_m_s is not None:
             x, y, z = epoch.velocity_m_s
             twist = Twist(linear=Vector3(x=x, y=y, z=z))
             self._velocities.publish(TwistStamped(header=header, twist=twist), stamp_ns=stamp_ns)
         if epoch.utc_ns is not None:
-            reference = TimeReference(header=header, time_ref=unit.stamp(epoch.utc_ns), source="gps")
+            reference = TimeReference(header=header, time_ref=context.stamp(epoch.utc_ns), source="gps")
             self._times.publish(reference, stamp_ns=stamp_ns)
 
-    def _tell(self, epoch: Epoch) -> None:
-        unit = self._unit
-        unit.fact("protocol", epoch.source)
-        unit.fact("fix", {-1: "none", 0: "satellites", 1: "differential", 2: "RTK"}[epoch.status])
+    def _report(self, epoch: Epoch) -> None:
+        context = self._context
+        context.fact("protocol", epoch.source)
+        context.fact("fix", {-1: "none", 0: "satellites", 1: "differential", 2: "RTK"}[epoch.status])
         if epoch.satellites is not None:
-            unit.fact("satellites", epoch.satellites)
+            context.fact("satellites", epoch.satellites)
         if epoch.hdop is not None:
-            unit.fact("hdop", epoch.hdop)
-        unit.warn("no fix" if epoch.status == NO_FIX else "")
+            context.fact("hdop", epoch.hdop)
+        context.warn("no fix" if epoch.status == NO_FIX else "")
 
 
 def _fix(epoch: Epoch, header: Header, uere_m: float) -> NavSatFix:
@@ -101,8 +101,8 @@ def _fix(epoch: Epoch, header: Header, uere_m: float) -> NavSatFix:
         position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
     )
     if epoch.status != NO_FIX and math.isfinite(epoch.latitude):
-        (east, north, up), told = epoch.variances(uere_m)
+        (east, north, up), from_receiver = epoch.variances(uere_m)
         fix.position_covariance = np.diag((east, north, up)).ravel()
         known, guessed = NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN, NavSatFix.COVARIANCE_TYPE_APPROXIMATED
-        fix.position_covariance_type = known if told else guessed
+        fix.position_covariance_type = known if from_receiver else guessed
     return fix

@@ -10,7 +10,7 @@ from pyubx2 import SET, UBXMessage, UBXReader
 
 from metaros.drivers.gps.epoch import Epoch, from_nmea, from_pvt
 from metaros.drivers.gps.splitter import GpsSplitter
-from metaros.drivers.rounds import Rounds
+from metaros.drivers.message_groups import MessageGroups
 
 __all__ = ["PREFER_UBX_S", "EpochReader", "pvt_request"]
 
@@ -26,7 +26,7 @@ class EpochReader:
     def __init__(self, count: Callable[[str, int], object]) -> None:
         self._count = count
         self._splitter = GpsSplitter(count)
-        self._rounds = Rounds()
+        self._groups = MessageGroups()
         self._pvt_s: float | None = None
 
     def feed(self, data: bytes, now_s: float) -> Iterator[Epoch]:
@@ -38,7 +38,7 @@ class EpochReader:
             elif not frame.startswith(b"\xb5") and (self._pvt_s is None or now_s - self._pvt_s > PREFER_UBX_S):
                 yield from self._nmea(frame)
         if not data:
-            yield from _made(self._rounds.flush())
+            yield from _made(self._groups.flush())
 
     def _ubx(self, frame: bytes, now_s: float) -> Iterator[Epoch]:
         if len(frame) < _SHORTEST_PVT:  # pyubx2 would fill it up with zeros
@@ -55,7 +55,7 @@ class EpochReader:
         message = self._parsed(NMEAReader.parse, frame)
         if message is not None and message.msgID in _NMEA:
             moment = getattr(message, "time", None) or None
-            yield from _made(self._rounds.feed(message.msgID, message, moment=moment))
+            yield from _made(self._groups.feed(message.msgID, message, moment=moment))
 
     def _parsed(self, parse: Callable[..., Any], frame: bytes) -> Any:
         """A library's parser may raise anything of a frame that is sound and says nonsense."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from metaros.drivers.context import Device, DriverContext
 from metaros.drivers.host_metrics.reader import HOST_TOPICS, HostReader, read_all
-from metaros.drivers.unit import Device, Unit
 from metaros.errors import UnavailableError
 from metaros.idl import message_class
 from metaros.wire import qos_default
@@ -14,38 +14,38 @@ __all__ = ["HostMetrics", "make"]
 class HostMetrics:
     """Reads and publishes at `rate_hz`; what this machine does not let us read is left out, and said once."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._reader: HostReader | None = None
         self._unreadable: set[str] = set()
         self._publishers = {
-            item.topic: unit.publisher(
-                message_class(item.type_name), f"{unit['topic']}/{item.topic.removeprefix('host/')}", qos_default
+            item.topic: context.publisher(
+                message_class(item.type_name), f"{context['topic']}/{item.topic.removeprefix('host/')}", qos_default
             )
             for item in HOST_TOPICS
         }
 
     def open(self) -> None:
         """Begin to count."""
-        self._reader = HostReader(self._unit.clock, disk_path=self._unit["disk_path"])
-        self._unit.opened("reading this host")
+        self._reader = HostReader(self._context.clock, disk_path=self._context["disk_path"])
+        self._context.opened("reading this host")
 
     def run(self) -> None:
         """Read and publish until the driver stops."""
         assert self._reader is not None
-        while not self._unit.wait(1 / self._unit["rate_hz"]):
+        while not self._context.wait(1 / self._context["rate_hz"]):
             readings = read_all(self._reader, HOST_TOPICS, self._unreadable)
             if not readings:
                 raise UnavailableError("nothing of this host can be read")
             for item, fields in readings:
-                message = message_class(item.type_name)(stamp=self._unit.stamp(), **fields)
+                message = message_class(item.type_name)(stamp=self._context.stamp(), **fields)
                 self._publishers[item.topic].publish(message)
-            self._unit.warn(f"not readable: {', '.join(sorted(self._unreadable))}" if self._unreadable else "")
+            self._context.warn(f"not readable: {', '.join(sorted(self._unreadable))}" if self._unreadable else "")
 
     def close(self) -> None:
         """There is nothing to let go."""
 
 
-def make(unit: Unit) -> Device:
+def make(context: DriverContext) -> Device:
     """The driver's device."""
-    return HostMetrics(unit)
+    return HostMetrics(context)

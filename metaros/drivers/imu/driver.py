@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.imu.complementary import ComplementaryFilter
 from metaros.drivers.imu.csv_lines import CsvDecoder
 from metaros.drivers.imu.sample import Quaternion, Sample, Vector, plausible
 from metaros.drivers.imu.witmotion import WitMotionDecoder
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.interfaces.geometry_msgs.msg import Quaternion as QuaternionMessage
 from metaros.interfaces.geometry_msgs.msg import Vector3
 from metaros.interfaces.sensor_msgs.msg import Imu, MagneticField, Temperature
@@ -24,47 +24,47 @@ SLOW_EVERY_S: Final = 1.0
 _NONE: Final = np.array([-1.0, *[0.0] * 8])
 
 
-def make(unit: Unit) -> ImuDevice:
+def make(context: DriverContext) -> ImuDevice:
     """An IMU on the port of the parameters."""
-    return ImuDevice(unit)
+    return ImuDevice(context)
 
 
 class ImuDevice:
     """Publishes each sample that is plausible. Gravity stays in: at rest, level, z is +9.81."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._port: SerialPort | None = None
-        self._filter = ComplementaryFilter(gain=unit["gain"], estimate_bias=unit["estimate_bias"])
+        self._filter = ComplementaryFilter(gain=context["gain"], estimate_bias=context["estimate_bias"])
         self._sample_s = 0.0
         self._slow_s = -math.inf
-        self._samples = unit.publisher(Imu, "imu")
-        self._fields = unit.publisher(MagneticField, "magnetic_field", reading=False)
-        self._temperatures = unit.publisher(Temperature, "temperature", reading=False)
+        self._samples = context.publisher(Imu, "imu")
+        self._fields = context.publisher(MagneticField, "magnetic_field", reading=False)
+        self._temperatures = context.publisher(Temperature, "temperature", reading=False)
 
     def open(self) -> None:
         """Open the port."""
-        unit = self._unit
-        self._port = SerialPort(unit, unit["port"], unit["baud"])
-        self._filter = ComplementaryFilter(gain=unit["gain"], estimate_bias=unit["estimate_bias"])
-        self._sample_s = unit.clock.monotonic_s()
-        unit.opened(f"reading {self._port.port}", hardware_id="")
+        context = self._context
+        self._port = SerialPort(context, context["port"], context["baud"])
+        self._filter = ComplementaryFilter(gain=context["gain"], estimate_bias=context["estimate_bias"])
+        self._sample_s = context.clock.monotonic_s()
+        context.opened(f"reading {self._port.port}", hardware_id="")
 
     def run(self) -> None:
         """Read."""
-        unit, port = self._unit, self._port
+        context, port = self._context, self._port
         assert port is not None
         decoder = self._decoder()
-        while not unit.stopping:
+        while not context.stopping:
             data = port.read()
             if not data:
                 continue
-            stamp_ns = unit.clock.wall_ns()
+            stamp_ns = context.clock.wall_ns()
             for sample in decoder.feed(data):
                 if plausible(sample):
                     self._publish(sample, stamp_ns)
                 else:
-                    unit.count("implausible")
+                    context.count("implausible")
 
     def close(self) -> None:
         """Close the port."""
@@ -73,47 +73,47 @@ class ImuDevice:
             port.close()
 
     def _decoder(self) -> CsvDecoder | WitMotionDecoder:
-        unit = self._unit
-        if unit["protocol"] == "witmotion":
-            return WitMotionDecoder(unit.count)
-        units = {name: unit[f"{name}_unit"] for name in ("acceleration", "rate", "magnetic")}
-        return CsvDecoder(unit.count, **units)
+        context = self._context
+        if context["protocol"] == "witmotion":
+            return WitMotionDecoder(context.count)
+        units = {name: context[f"{name}_unit"] for name in ("acceleration", "rate", "magnetic")}
+        return CsvDecoder(context.count, **units)
 
     def _publish(self, sample: Sample, stamp_ns: int) -> None:
-        unit, now_s = self._unit, self._unit.clock.monotonic_s()
+        context, now_s = self._context, self._context.clock.monotonic_s()
         self._filter.update(sample.acceleration_m_s2, sample.rate_rad_s, now_s - self._sample_s)
         self._sample_s = now_s
-        header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"])
+        header = Header(stamp=context.stamp(stamp_ns), frame_id=context["frame_id"])
         self._samples.publish(self._imu(sample, header), stamp_ns=stamp_ns)
         if sample.magnetic_t is not None:
             field = MagneticField(header=header, magnetic_field=_vector(sample.magnetic_t))
             self._fields.publish(field, stamp_ns=stamp_ns)
         if now_s - self._slow_s >= SLOW_EVERY_S:
             self._slow_s = now_s
-            unit.fact("gyroscope_bias_rad_s", " ".join(f"{value:.5f}" for value in self._filter.bias))
+            context.fact("gyroscope_bias_rad_s", " ".join(f"{value:.5f}" for value in self._filter.bias))
             if sample.temperature_c is not None:
                 temperature = Temperature(header=header, temperature=sample.temperature_c)
                 self._temperatures.publish(temperature, stamp_ns=stamp_ns)
 
     def _imu(self, sample: Sample, header: Header) -> Imu:
-        unit = self._unit
+        context = self._context
         x, y, z = (rate - bias for rate, bias in zip(sample.rate_rad_s, self._filter.bias, strict=True))
         message = Imu(
             header=header,
             linear_acceleration=_vector(sample.acceleration_m_s2),
-            linear_acceleration_covariance=_diagonal(*[unit["acceleration_stddev"]] * 3),
+            linear_acceleration_covariance=_diagonal(*[context["acceleration_stddev"]] * 3),
             angular_velocity=_vector((x, y, z)),
-            angular_velocity_covariance=_diagonal(*[unit["rate_stddev"]] * 3),
+            angular_velocity_covariance=_diagonal(*[context["rate_stddev"]] * 3),
             orientation_covariance=_NONE,
         )
         orientation, yaw_stddev = self._orientation(sample)
         if orientation is not None:
             message.orientation = _quaternion(orientation)
-            message.orientation_covariance = _diagonal(*[unit["orientation_stddev"]] * 2, yaw_stddev)
+            message.orientation_covariance = _diagonal(*[context["orientation_stddev"]] * 2, yaw_stddev)
         return message
 
     def _orientation(self, sample: Sample) -> tuple[Quaternion | None, float]:
-        whose, stddev = self._unit["orientation"], self._unit["orientation_stddev"]
+        whose, stddev = self._context["orientation"], self._context["orientation_stddev"]
         if whose == "none":
             return None, 0.0
         if whose == "device" or (whose == "auto" and sample.orientation is not None):

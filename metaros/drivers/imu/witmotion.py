@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final
 
 from metaros.drivers.imu.sample import GRAVITY_M_S2, Quaternion, Sample
-from metaros.drivers.rounds import Rounds
+from metaros.drivers.message_groups import MessageGroups
 
 __all__ = ["FRAME_BYTES", "START", "WitMotionDecoder", "checksum", "from_euler"]
 
@@ -42,7 +42,7 @@ class WitMotionDecoder:
     def __init__(self, count: Callable[[str, int], object]) -> None:
         self._count = count
         self._data = bytearray()
-        self._rounds = Rounds()
+        self._groups = MessageGroups()
         self._turn = 0
 
     def feed(self, data: bytes) -> Iterator[Sample]:
@@ -58,7 +58,7 @@ class WitMotionDecoder:
                 at = start + 1
             elif frame[1] in _KINDS:
                 self._turn += frame[1] == _FIRST_KIND
-                for items in self._rounds.feed(_KINDS[frame[1]], _WORDS.unpack_from(frame, 2), moment=self._turn):
+                for items in self._groups.feed(_KINDS[frame[1]], _WORDS.unpack_from(frame, 2), moment=self._turn):
                     yield from _samples(items)
         end = start if start >= 0 else len(self._data)
         self._skipped(end - at)

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from metaros.drivers.context import DriverContext, DriverPublisher
 from metaros.drivers.joystick.events import EventReader
 from metaros.drivers.joystick.input_device import InputDevice
 from metaros.drivers.joystick.layout import PadState
 from metaros.drivers.joystick.probe import gamepads
 from metaros.drivers.joystick.teleop import Teleop
-from metaros.drivers.unit import DriverPublisher, Unit
 from metaros.errors import UnavailableError
 from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.sensor_msgs.msg import Joy
@@ -24,55 +24,55 @@ __all__ = ["JoystickDevice", "make"]
 SHORTEST_S: Final = 0.01  # gamepads report up to a thousand times a second; more than this is put together
 
 
-def make(unit: Unit) -> JoystickDevice:
+def make(context: DriverContext) -> JoystickDevice:
     """The gamepad of the parameters."""
-    return JoystickDevice(unit)
+    return JoystickDevice(context)
 
 
 class JoystickDevice:
-    """Repeats the state at `rate`, so that who drives by it knows the gamepad is still there."""
+    """Repeats the state at `rate`, so that subscribers know that the gamepad is still connected."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._device: InputDevice | None = None
-        self._joy = unit.publisher(Joy, "joy")
+        self._joy = context.publisher(Joy, "joy")
         self._commands: DriverPublisher | None = None
         self._teleop = Teleop(
-            deadman=unit["deadman_button"],
-            linear_axis=unit["linear_axis"],
-            angular_axis=unit["angular_axis"],
-            max_linear=unit["max_linear"],
-            max_angular=unit["max_angular"],
+            deadman=context["deadman_button"],
+            linear_axis=context["linear_axis"],
+            angular_axis=context["angular_axis"],
+            max_linear=context["max_linear"],
+            max_angular=context["max_angular"],
         )
-        if unit["teleop"]:
-            self._commands = unit.publisher(Twist, "cmd_vel", qos_command, reading=False)
+        if context["teleop"]:
+            self._commands = context.publisher(Twist, "cmd_vel", qos_command, reading=False)
 
     def open(self) -> None:
         """Open the gamepad's file."""
-        path = self._unit["device"] or next((path for path, _ in gamepads()), "")
+        path = self._context["device"] or next((path for path, _ in gamepads()), "")
         if not path:
             raise UnavailableError("no gamepad is connected")
         self._device = InputDevice(path)
         layout = self._device.layout
-        self._unit.fact("axes", len(layout.axes))
-        self._unit.fact("buttons", len(layout.buttons))
-        self._unit.opened(f"{layout.name} on {path}", hardware_id=layout.name)
+        self._context.fact("axes", len(layout.axes))
+        self._context.fact("buttons", len(layout.buttons))
+        self._context.opened(f"{layout.name} on {path}", hardware_id=layout.name)
 
     def run(self) -> None:
         """Read and repeat. The state begins with nothing pressed."""
-        unit, device = self._unit, self._device
+        context, device = self._context, self._device
         assert device is not None
-        events, state = EventReader(unit.count), PadState(device.layout)
+        events, state = EventReader(context.count), PadState(device.layout)
         sent_s, changed = -math.inf, True
-        while not unit.stopping:
-            now_s = unit.clock.monotonic_s()
-            due_s = sent_s + (SHORTEST_S if changed else 1 / unit["rate"])
+        while not context.stopping:
+            now_s = context.clock.monotonic_s()
+            due_s = sent_s + (SHORTEST_S if changed else 1 / context["rate"])
             if now_s >= due_s:
                 self._publish(state)
                 sent_s, changed = now_s, False
                 continue
             data = device.read(min(due_s - now_s, 0.1))
-            for event in events.feed(unit.heard(data) if data else data):
+            for event in events.feed(context.heard(data) if data else data):
                 changed = state.take(event) or changed
 
     def close(self) -> None:
@@ -83,9 +83,9 @@ class JoystickDevice:
             device.close()
 
     def _publish(self, state: PadState) -> None:
-        unit = self._unit
-        axes, buttons = state.axes(unit["deadzone"]), state.buttons()
-        joy = Joy(header=Header(stamp=unit.stamp(), frame_id=unit["frame_id"]))
+        context = self._context
+        axes, buttons = state.axes(context["deadzone"]), state.buttons()
+        joy = Joy(header=Header(stamp=context.stamp(), frame_id=context["frame_id"]))
         joy.axes, joy.buttons = np.array(axes, np.float32), np.array(buttons, np.int32)
         self._joy.publish(joy)
         self._send(self._teleop.speeds(axes, buttons))

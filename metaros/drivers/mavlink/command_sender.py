@@ -9,14 +9,14 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-__all__ = ["ANSWER_S", "TRIES", "Asking"]
+__all__ = ["ANSWER_S", "TRIES", "CommandSender"]
 
 ANSWER_S: Final = 0.5
 TRIES: Final = 3
 LONGEST_S: Final = 5.0  # of a command that is in progress
 
 
-class Asking:
+class CommandSender:
     """`ask` is called from the executor's thread, `answer` and `give_up` from the driver's."""
 
     def __init__(
@@ -37,7 +37,7 @@ class Asking:
                 return "another command waits for its answer"
             self._asked, self._result, self._gone = command, None, False
         try:
-            return self._conversation(target, command, (*parameters, *[0.0] * (7 - len(parameters))))
+            return self._send_and_wait(target, command, (*parameters, *[0.0] * (7 - len(parameters))))
         finally:
             with self._changed:
                 self._asked = 0
@@ -57,7 +57,7 @@ class Asking:
             self._gone = True
             self._changed.notify_all()
 
-    def _conversation(self, target: tuple[int, int], command: int, parameters: tuple[float, ...]) -> str:
+    def _send_and_wait(self, target: tuple[int, int], command: int, parameters: tuple[float, ...]) -> str:
         for confirmation in range(TRIES):
             with self._changed:
                 if self._gone:
@@ -68,7 +68,7 @@ class Asking:
                 if self._result == dialect.MAV_RESULT_IN_PROGRESS:
                     self._await_end()
                 if self._result is not None and not self._gone:
-                    return _told(self._result)
+                    return _result_text(self._result)
         return "the link was lost" if self._gone else f"no answer to {TRIES} tries"
 
     def _await_end(self) -> None:
@@ -79,7 +79,7 @@ class Asking:
             self._changed.wait(left_s)
 
 
-def _told(result: int) -> str:
+def _result_text(result: int) -> str:
     if result == dialect.MAV_RESULT_ACCEPTED:
         return ""
     entry = dialect.enums["MAV_RESULT"].get(result)

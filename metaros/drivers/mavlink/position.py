@@ -1,4 +1,4 @@
-"""Where on earth the vehicle is: its own estimate, with the quality of its GPS; the GPS alone where it has none."""
+"""The vehicle's global position: its own estimate, with the quality of its GPS; the GPS alone where it has none."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from typing import Any, Final
 
 import numpy as np
 
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus
 from metaros.interfaces.std_msgs.msg import Header
 
-__all__ = ["Places"]
+__all__ = ["PositionPublisher"]
 
 _FRESH_S: Final = 2.0
 _STATUS: Final = {3: NavSatStatus.STATUS_FIX, 2: NavSatStatus.STATUS_FIX, 4: NavSatStatus.STATUS_SBAS_FIX}
 
 
-class Places:
+class PositionPublisher:
     """Publishes `vehicle/fix`. Without a fix the place is NaN, so that nobody takes 0, 0 for one."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self._fixes = unit.publisher(NavSatFix, "vehicle/fix")
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self._fixes = context.publisher(NavSatFix, "vehicle/fix")
         self._gps: Any = None
         self._global_s = -math.inf
 
     def on_gps(self, message: Any) -> None:
         """GPS_RAW_INT."""
         self._gps = message
-        self._unit.fact("satellites", message.satellites_visible)
-        if self._unit.clock.monotonic_s() - self._global_s > _FRESH_S:
+        self._context.fact("satellites", message.satellites_visible)
+        if self._context.clock.monotonic_s() - self._global_s > _FRESH_S:
             known = message.fix_type >= 2
             self._publish(message.lat, message.lon, message.alt, known=known)
 
@@ -38,16 +38,16 @@ class Places:
         """GLOBAL_POSITION_INT; its place is 0, 0 until the vehicle knows one."""
         known = bool(message.lat or message.lon)
         if known:
-            self._global_s = self._unit.clock.monotonic_s()
+            self._global_s = self._context.clock.monotonic_s()
             self._publish(message.lat, message.lon, message.alt, known=True)
 
     def _publish(self, lat: int, lon: int, altitude_mm: int, *, known: bool) -> None:
-        unit, gps = self._unit, self._gps
+        context, gps = self._context, self._gps
         if known and not (abs(lat) <= 90 * 10**7 and abs(lon) <= 180 * 10**7):
-            unit.count("bad_values")
+            context.count("bad_values")
             return
-        stamp_ns = unit.clock.wall_ns()
-        fix = NavSatFix(header=Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"]))
+        stamp_ns = context.clock.wall_ns()
+        fix = NavSatFix(header=Header(stamp=context.stamp(stamp_ns), frame_id=context["frame_id"]))
         fix.status.service = NavSatStatus.SERVICE_GPS
         fix.status.status = _status(gps, known=known)
         fix.latitude, fix.longitude = (lat / 1e7, lon / 1e7) if known else (math.nan, math.nan)

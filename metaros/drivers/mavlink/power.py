@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 from metaros.interfaces.sensor_msgs.msg import BatteryState
 from metaros.interfaces.std_msgs.msg import Header
 
@@ -20,16 +20,16 @@ _NONE: Final = 0xFFFF
 class Power:
     """Publishes `vehicle/battery`, of the battery with id 0. As in ROS, a current that drains it is negative."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self._states = unit.publisher(BatteryState, "vehicle/battery", reading=False)
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self._states = context.publisher(BatteryState, "vehicle/battery", reading=False)
         self._status_s = -math.inf
 
     def on_battery(self, message: Any) -> None:
         """BATTERY_STATUS."""
         if message.id != 0:
             return
-        self._status_s = self._unit.clock.monotonic_s()
+        self._status_s = self._context.clock.monotonic_s()
         cells = [volts / 1000 for volts in message.voltages if volts != _NONE]
         state = self._state(sum(cells) if cells else math.nan, message.current_battery, message.battery_remaining)
         if len(cells) > 1:  # one alone is the whole battery
@@ -40,12 +40,12 @@ class Power:
 
     def on_system(self, message: Any) -> None:
         """SYS_STATUS."""
-        if self._unit.clock.monotonic_s() - self._status_s > _FRESH_S:
+        if self._context.clock.monotonic_s() - self._status_s > _FRESH_S:
             volts = math.nan if message.voltage_battery in (0, _NONE) else message.voltage_battery / 1000
             self._states.publish(self._state(volts, message.current_battery, message.battery_remaining))
 
     def _state(self, volts: float, centi_amperes: int, percent: int) -> BatteryState:
-        state = BatteryState(header=Header(stamp=self._unit.stamp(), frame_id=self._unit["frame_id"]))
+        state = BatteryState(header=Header(stamp=self._context.stamp(), frame_id=self._context["frame_id"]))
         state.voltage = volts
         state.current = math.nan if centi_amperes == -1 else -centi_amperes / 100
         state.percentage = percent / 100 if 0 <= percent <= 100 else math.nan

@@ -1,12 +1,12 @@
-"""What the autopilot has to say in words: STATUSTEXT, into the driver's log."""
+"""STATUSTEXT messages of the autopilot, into the driver's log."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 
-__all__ = ["Texts"]
+__all__ = ["StatusTextLog"]
 
 _CHUNK: Final = 50
 _MOST_CHUNKS: Final = 5
@@ -14,14 +14,14 @@ _BURST: Final = 20
 _PER_S: Final = 2.0
 
 
-class Texts:
+class StatusTextLog:
     """Long texts come in chunks. A talkative one is cut to _PER_S lines a second; the others are counted."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
         self._begun: tuple[int, list[str]] = (0, [])
         self._left = float(_BURST)
-        self._told_s = unit.clock.monotonic_s()
+        self._reported_s = context.clock.monotonic_s()
 
     def on_text(self, message: Any) -> None:
         """STATUSTEXT; severities 0 to 3 are errors, 4 is a warning."""
@@ -32,16 +32,16 @@ class Texts:
             self._begun = (number, chunks)
             return
         self._begun = (0, [])
-        self._tell(message.severity, "".join(chunks))
+        self._report(message.severity, "".join(chunks))
 
-    def _tell(self, severity: int, text: str) -> None:
-        now_s = self._unit.clock.monotonic_s()
-        self._left = min(float(_BURST), self._left + _PER_S * (now_s - self._told_s))
-        self._told_s = now_s
+    def _report(self, severity: int, text: str) -> None:
+        now_s = self._context.clock.monotonic_s()
+        self._left = min(float(_BURST), self._left + _PER_S * (now_s - self._reported_s))
+        self._reported_s = now_s
         if self._left < 1:
-            self._unit.count("untold_texts")
+            self._context.count("untold_texts")
             return
         self._left -= 1
         line = "vehicle: " + "".join(letter if letter.isprintable() else "?" for letter in text)
-        log = self._unit.log
+        log = self._context.log
         (log.error if severity <= 3 else log.warn if severity == 4 else log.info)(line)

@@ -1,4 +1,4 @@
-"""What the vehicle tells of itself, as ROS messages. Each message is stamped with its arrival."""
+"""The vehicle's telemetry as ROS messages. Each message is stamped with its arrival."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.mavlink.frames import (
     Quaternion as Wxyz,
 )
@@ -18,10 +19,9 @@ from metaros.drivers.mavlink.frames import (
     orientation_of_euler,
     orientation_of_quaternion,
 )
-from metaros.drivers.mavlink.places import Places
+from metaros.drivers.mavlink.position import PositionPublisher
 from metaros.drivers.mavlink.power import Power
-from metaros.drivers.mavlink.texts import Texts
-from metaros.drivers.unit import Unit
+from metaros.drivers.mavlink.status_text import StatusTextLog
 from metaros.interfaces.geometry_msgs.msg import (
     Point,
     Pose,
@@ -57,15 +57,15 @@ _FRESH_S: Final = 1.0
 class Telemetry:
     """Takes the target's messages, one by one, on the driver's thread."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        self._imus = unit.publisher(Imu, "vehicle/imu")
-        self._odometry = unit.publisher(Odometry, "vehicle/odom")
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        self._imus = context.publisher(Imu, "vehicle/imu")
+        self._odometry = context.publisher(Odometry, "vehicle/odom")
         self._hud = {
-            name: unit.publisher(Float64, f"vehicle/{name}", reading=False)
+            name: context.publisher(Float64, f"vehicle/{name}", reading=False)
             for name in ("airspeed", "heading", "throttle", "climb")
         }
-        places, power, texts = Places(unit), Power(unit), Texts(unit)
+        places, power, texts = PositionPublisher(context), Power(context), StatusTextLog(context)
         self._takers: Mapping[str, Callable[[Any], None]] = {
             "ATTITUDE": self._on_attitude,
             "ATTITUDE_QUATERNION": self._on_quaternion,
@@ -95,22 +95,22 @@ class Telemetry:
     # -- attitude --------------------------------------------------------------------------------------------------
 
     def _on_quaternion(self, message: Any) -> None:
-        self._quaternion_s = self._unit.clock.monotonic_s()
+        self._quaternion_s = self._context.clock.monotonic_s()
         self._publish_imu(orientation_of_quaternion(message.q1, message.q2, message.q3, message.q4), message)
 
     def _on_attitude(self, message: Any) -> None:
-        if self._unit.clock.monotonic_s() - self._quaternion_s > _FRESH_S:  # else it is the same attitude again
+        if self._context.clock.monotonic_s() - self._quaternion_s > _FRESH_S:  # else it is the same attitude again
             self._publish_imu(orientation_of_euler(message.roll, message.pitch, message.yaw), message)
 
     def _publish_imu(self, orientation: Wxyz | None, message: Any) -> None:
-        unit = self._unit
+        context = self._context
         rates = flu_of_frd(message.rollspeed, message.pitchspeed, message.yawspeed)
         if orientation is None or not all(map(math.isfinite, rates)):
-            unit.count("bad_values")
+            context.count("bad_values")
             return
-        now_s, stamp_ns = unit.clock.monotonic_s(), unit.clock.wall_ns()
+        now_s, stamp_ns = context.clock.monotonic_s(), context.clock.wall_ns()
         self._orientation = (now_s, orientation)
-        imu = Imu(header=Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"]))
+        imu = Imu(header=Header(stamp=context.stamp(stamp_ns), frame_id=context["frame_id"]))
         imu.orientation = _quaternion(orientation)
         imu.angular_velocity = _vector(rates)
         known = self._acceleration
@@ -129,27 +129,27 @@ class Telemetry:
 
     def _note_acceleration(self, x: float, y: float, z: float) -> None:
         if math.isfinite(x + y + z):
-            self._acceleration = (self._unit.clock.monotonic_s(), flu_of_frd(x, y, z))
+            self._acceleration = (self._context.clock.monotonic_s(), flu_of_frd(x, y, z))
         else:
-            self._unit.count("bad_values")
+            self._context.count("bad_values")
 
     # -- movement --------------------------------------------------------------------------------------------------
 
     def _on_local(self, message: Any) -> None:
-        unit, known = self._unit, self._orientation
+        context, known = self._context, self._orientation
         place = enu_of_ned(message.x, message.y, message.z)
         velocity = enu_of_ned(message.vx, message.vy, message.vz)
         if not all(map(math.isfinite, (*place, *velocity))):
-            unit.count("bad_values")
+            context.count("bad_values")
             return
-        if known is None or unit.clock.monotonic_s() - known[0] > _FRESH_S:
+        if known is None or context.clock.monotonic_s() - known[0] > _FRESH_S:
             return  # which way it points is not known, and an odometry's speed is that of its body
-        stamp_ns = unit.clock.wall_ns()
+        stamp_ns = context.clock.wall_ns()
         pose = Pose(position=Point(x=place[0], y=place[1], z=place[2]), orientation=_quaternion(known[1]))
         twist = Twist(linear=_vector(into_body(known[1], velocity)))
         odometry = Odometry(
-            header=Header(stamp=unit.stamp(stamp_ns), frame_id=unit["odom_frame"]),
-            child_frame_id=unit["frame_id"],
+            header=Header(stamp=context.stamp(stamp_ns), frame_id=context["odom_frame"]),
+            child_frame_id=context["frame_id"],
             pose=PoseWithCovariance(pose=pose),
             twist=TwistWithCovariance(twist=twist),
         )

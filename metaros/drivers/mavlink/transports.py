@@ -1,4 +1,4 @@
-"""Where the bytes come from: UDP, TCP or a serial port, all with the same three methods."""
+"""Transports of MAVLink's bytes: UDP, TCP or a serial port, all with the same three methods."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import select
 import socket
 from typing import Final, Protocol
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.errors import ConfigError, UnavailableError
 
-__all__ = ["Wire", "check_link", "open_wire"]
+__all__ = ["Transport", "check_link", "open_transport"]
 
 READ_S: Final = 0.02
 CONNECT_S: Final = 2.0
@@ -18,7 +18,7 @@ _MOST_BYTES: Final = 65535
 _EXAMPLE: Final = "such as udp:127.0.0.1:14550, udpout:10.0.0.2:14550, tcp:10.0.0.2:5760 or /dev/ttyACM0"
 
 
-class Wire(Protocol):
+class Transport(Protocol):
     """What a link is read and written by."""
 
     def read(self) -> bytes:
@@ -47,17 +47,21 @@ def check_link(text: str) -> tuple[str, str, int]:
     return kind, host.strip("[]"), int(number)
 
 
-def open_wire(unit: Unit, link: str, baud: int) -> Wire:
+def open_transport(context: DriverContext, link: str, baud: int) -> Transport:
     """Open a link. UnavailableError: it cannot be had now; ConfigError: never."""
     kind, host, port = check_link(link)
     if kind == "serial":
-        return _SerialWire(unit, host, baud)
-    return _TcpWire(unit, host, port) if kind == "tcp" else _UdpWire(unit, host, port, listens=kind == "udp")
+        return _SerialTransport(context, host, baud)
+    return (
+        _TcpTransport(context, host, port)
+        if kind == "tcp"
+        else _UdpTransport(context, host, port, listens=kind == "udp")
+    )
 
 
-class _SerialWire:
-    def __init__(self, unit: Unit, port: str, baud: int) -> None:
-        self._port = SerialPort(unit, port, baud)
+class _SerialTransport:
+    def __init__(self, context: DriverContext, port: str, baud: int) -> None:
+        self._port = SerialPort(context, port, baud)
         self._port.discard()
         self.read = self._port.read
         self.write = self._port.write
@@ -67,11 +71,11 @@ class _SerialWire:
         pass
 
 
-class _UdpWire:
+class _UdpTransport:
     """Listening, it sends nothing until a sender was adopted, and then hears that one alone until it is closed."""
 
-    def __init__(self, unit: Unit, host: str, port: int, *, listens: bool) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, host: str, port: int, *, listens: bool) -> None:
+        self._context = context
         self._name = f"UDP {host}:{port}"
         family, address = _resolved(host, port, socket.SOCK_DGRAM, self._name)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -95,10 +99,10 @@ class _UdpWire:
         except (OSError, ValueError) as error:
             raise UnavailableError(f"{self._name}: {error}") from None
         if self._peer is not None and sender[:2] != self._peer[:2]:
-            self._unit.count("foreign_packets")
+            self._context.count("foreign_packets")
             return b""
         self._latest = sender
-        return self._unit.heard(data)
+        return self._context.heard(data)
 
     def write(self, data: bytes) -> None:
         if self._peer is None:
@@ -106,7 +110,7 @@ class _UdpWire:
         try:
             self._socket.sendto(data, self._peer)
         except (BlockingIOError, ConnectionError):
-            self._unit.count("unsent")
+            self._context.count("unsent")
         except OSError as error:
             raise UnavailableError(f"{self._name}: {error.strerror or error}") from None
 
@@ -118,9 +122,9 @@ class _UdpWire:
         self._socket.close()
 
 
-class _TcpWire:
-    def __init__(self, unit: Unit, host: str, port: int) -> None:
-        self._unit = unit
+class _TcpTransport:
+    def __init__(self, context: DriverContext, host: str, port: int) -> None:
+        self._context = context
         self._name = f"TCP {host}:{port}"
         try:
             self._socket = socket.create_connection((host, port), timeout=CONNECT_S)
@@ -138,7 +142,7 @@ class _TcpWire:
             raise UnavailableError(f"{self._name}: {error}") from None
         if not data:
             raise UnavailableError(f"{self._name}: the other end closed")
-        return self._unit.heard(data)
+        return self._context.heard(data)
 
     def write(self, data: bytes) -> None:
         try:

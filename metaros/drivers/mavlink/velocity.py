@@ -1,4 +1,4 @@
-"""The velocity that the vehicle is told: fresh commands within limits, then zero for a while, then nothing. Pure."""
+"""The velocity setpoint: fresh commands within limits, then zero for a while, then nothing. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is to be written: the newest value of each writable point, and the safe one when orders end. Thread-safe."""
+"""Pending writes: the newest value of each writable point, and the safe one when commands end. Thread-safe."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Final
 
 from metaros.drivers.modbus.points import Point
 
-__all__ = ["AGAIN_S", "Order", "Orders"]
+__all__ = ["AGAIN_S", "PendingWrites", "Write"]
 
 AGAIN_S: Final = 0.25
-Order = tuple[Point, tuple[int, ...]]
+Write = tuple[Point, tuple[int, ...]]
 
 
-class Orders:
-    """Orders come from the executor's thread, the driver's thread takes them."""
+class PendingWrites:
+    """Writes are requested on the executor's thread, the driver's thread takes them."""
 
     def __init__(self, points: Sequence[Point]) -> None:
         self._points = {point.name: point for point in points if point.writable}
         self._lock = threading.Lock()
-        self._waiting: dict[str, Order] = {}
+        self._waiting: dict[str, Write] = {}
         self._until_s: dict[str, float] = {}
         self._safe_due_s: dict[str, float] = {}  # whose safe value is to be written, again and again until it is
         self._moved: set[str] = set()
 
     def give(self, name: str, value: float | bool, now_s: float) -> bool:
-        """Whether it is an order: a value that the point can have."""
+        """Queue a write; False for a value that the point cannot have."""
         point = self._points[name]
         registers = point.registers(value)
         if registers is None:
@@ -40,8 +40,8 @@ class Orders:
                 self._moved.add(name)
         return True
 
-    def take(self, now_s: float) -> list[Order]:
-        """What is to be written now: an order once, the safe value of a watchdog until it is `written`."""
+    def take(self, now_s: float) -> list[Write]:
+        """What is to be written now: a value once, the safe value of a watchdog until it is `written`."""
         with self._lock:
             for name in [name for name, until_s in self._until_s.items() if now_s >= until_s]:
                 del self._until_s[name]
@@ -55,7 +55,7 @@ class Orders:
             return orders
 
     def written(self, point: Point, registers: tuple[int, ...]) -> None:
-        """The device has taken an order."""
+        """The device has acknowledged a write."""
         with self._lock:
             if point.name in self._safe_due_s and registers == self._safe(point.name)[1]:
                 del self._safe_due_s[point.name]
@@ -65,8 +65,8 @@ class Orders:
         with self._lock:
             self._moved.add(point.name)
 
-    def end(self) -> list[Order]:
-        """The safe values of what was moved since the last time; orders that wait are forgotten."""
+    def end(self) -> list[Write]:
+        """The safe values of what was moved since the last time; pending writes are dropped."""
         with self._lock:
             moved, self._moved = self._moved, set()
             self._waiting.clear()
@@ -74,7 +74,7 @@ class Orders:
             self._safe_due_s.clear()
             return [self._safe(name) for name in sorted(moved)]
 
-    def _safe(self, name: str) -> Order:
+    def _safe(self, name: str) -> Write:
         point = self._points[name]
         registers = point.registers(point.safe if point.safe is not None else 0.0)
         assert registers is not None  # the map was checked

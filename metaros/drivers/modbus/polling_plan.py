@@ -1,4 +1,4 @@
-"""Which requests read the points, and when: few, and never one that is late behind another. Pure."""
+"""The polling schedule: which requests read the points, and when. Few, and none late behind another. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 from metaros.drivers.modbus.points import Point
 from metaros.drivers.modbus.protocol import Request, read_request
 
-__all__ = ["Group", "Plan"]
+__all__ = ["Group", "PollingPlan"]
 
 MOST_REGISTERS: Final = 125
 MOST_BITS: Final = 2000
@@ -41,7 +41,7 @@ class Group:
         return max(point.address + point.count for point in self.points)
 
 
-class Plan:
+class PollingPlan:
     """Points of one table and period are read together where they touch; between them nothing is read that nobody
     asked for, since a device may refuse it.
     """

@@ -1,4 +1,4 @@
-"""What is asked of a device and what may answer it, in pymodbus's messages.
+"""Requests to a device and the answers that are valid for them, in pymodbus's messages.
 
 Source: MODBUS Application Protocol Specification V1.1b3.
 """

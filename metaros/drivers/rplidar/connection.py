@@ -1,10 +1,11 @@
-"""Talking with an RPLIDAR: who it is, how it is, motor on, scan; patient with garbage and late answers."""
+"""The connection to an RPLIDAR: information, health, motor, scan; tolerant of garbage and late answers."""
 
 from __future__ import annotations
 
 import struct
 from typing import Final
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.rplidar.protocol import (
     EXPRESS_SCAN,
     GET_HEALTH,
@@ -21,10 +22,9 @@ from metaros.drivers.rplidar.protocol import (
 )
 from metaros.drivers.rplidar.samples import EXPRESS, STANDARD, CapsuleStream, NodeStream, SampleStream
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.errors import UnavailableError
 
-__all__ = ["Conversation"]
+__all__ = ["RplidarConnection"]
 
 ANSWER_S: Final = 1.0
 TRIES: Final = 3
@@ -33,18 +33,18 @@ REBOOT_S: Final = 1.0
 PWM: Final = 660  # the maker's usual speed, of 1023
 
 
-class Conversation:
+class RplidarConnection:
     """One opened port. What it cannot find out is an UnavailableError that says what was missing."""
 
-    def __init__(self, unit: Unit, port: SerialPort) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, port: SerialPort) -> None:
+        self._context = context
         self._port = port
         self.rest = b""  # what came behind the last descriptor
 
-    def hush(self) -> None:
+    def stop_scan(self) -> None:
         """Stop whatever the device was doing."""
         self._port.write(request(STOP))
-        self._unit.wait(QUIET_S)
+        self._context.wait(QUIET_S)
         self._port.discard()
 
     def info(self) -> Info:
@@ -55,10 +55,10 @@ class Conversation:
         """How it is; one that is in error is reset once. UnavailableError where that does not help."""
         health = self._health()
         if health.word == "error":
-            self._unit.count("resets")
-            self._unit.warn(f"its health is bad (code {health.code}): reset")
+            self._context.count("resets")
+            self._context.warn(f"its health is bad (code {health.code}): reset")
             self._port.write(request(RESET))
-            self._unit.wait(REBOOT_S)
+            self._context.wait(REBOOT_S)
             self._port.discard()
             health = self._health()
         if health.word == "error":
@@ -87,7 +87,7 @@ class Conversation:
                 return "express", CapsuleStream()
             if mode == "express":
                 raise UnavailableError(f"{self._port.port}: {info.name} does not answer to express scans")
-            self.hush()
+            self.stop_scan()
         if not self._begins(request(SCAN), STANDARD):
             raise UnavailableError(f"{self._port.port}: {info.name} does not begin to scan")
         return "standard", NodeStream()
@@ -106,8 +106,8 @@ class Conversation:
     def _answer(self, command: int, wanted: Descriptor, what: str) -> bytes:
         for attempt in range(TRIES):
             if attempt:
-                self._unit.count("asked_again")
-                self.hush()
+                self._context.count("asked_again")
+                self.stop_scan()
             self._port.write(request(command))
             kept = bytearray()
             if self._await(kept, wanted) and self._fill(kept, wanted.size_bytes):
@@ -116,22 +116,22 @@ class Conversation:
 
     def _await(self, kept: bytearray, wanted: Descriptor) -> bool:
         """Read on to the wanted descriptor; others, and garbage, are passed over."""
-        until_s, late = self._unit.clock.monotonic_s() + ANSWER_S, False
-        while not self._unit.stopping:
+        until_s, late = self._context.clock.monotonic_s() + ANSWER_S, False
+        while not self._context.stopping:
             while (found := take_descriptor(kept)) is not None:
                 if found == wanted:
                     return True
-                self._unit.count("wrong_answers")
+                self._context.count("wrong_answers")
             if late:
                 return False
             # One more reading after the deadline: where it was this process that slept, the answer is there.
-            late = self._unit.clock.monotonic_s() > until_s
+            late = self._context.clock.monotonic_s() > until_s
             kept += self._port.read()
         return False
 
     def _fill(self, kept: bytearray, size_bytes: int) -> bool:
-        until_s, late = self._unit.clock.monotonic_s() + ANSWER_S, False
-        while len(kept) < size_bytes and not late and not self._unit.stopping:
-            late = self._unit.clock.monotonic_s() > until_s
+        until_s, late = self._context.clock.monotonic_s() + ANSWER_S, False
+        while len(kept) < size_bytes and not late and not self._context.stopping:
+            late = self._context.clock.monotonic_s() > until_s
             kept += self._port.read()
         return len(kept) >= size_bytes

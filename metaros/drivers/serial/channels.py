@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from metaros.cdr import codec
+from metaros.drivers.context import DriverContext
 from metaros.drivers.serial.outgoing import Outgoing
 from metaros.drivers.serial.protocol import Answer, Declare
-from metaros.drivers.unit import Unit
 from metaros.errors import DecodeError, MetarosError
 from metaros.idl import message_class, names
 from metaros.idl.globs import Glob
@@ -32,8 +32,8 @@ class Channels:
     subscriptions call on the executor's.
     """
 
-    def __init__(self, unit: Unit, outgoing: Outgoing) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, outgoing: Outgoing) -> None:
+        self._context = context
         self._outgoing = outgoing
         self._open: dict[int, tuple[Declare, Any, Callable[[bytes], Any]]] = {}
 
@@ -53,7 +53,7 @@ class Channels:
             return Answer.BAD_TOPIC
         if wanted.topic.startswith(("/", "~")):
             return Answer.BAD_TOPIC
-        if not may_use(wanted.topic, self._unit["publish" if wanted.publishes else "subscribe"]):
+        if not may_use(wanted.topic, self._context["publish" if wanted.publishes else "subscribe"]):
             return Answer.NOT_ALLOWED
         try:
             message_type = message_class(wanted.type_name)
@@ -70,7 +70,7 @@ class Channels:
         if known is None or not known[0].publishes:
             raise DecodeError(f"data on channel {channel}, which the board has not declared")
         _, publisher, decode = known
-        publisher.publish(decode(data), stamp_ns=self._unit.clock.wall_ns())
+        publisher.publish(decode(data), stamp_ns=self._context.clock.wall_ns())
 
     def close(self) -> None:
         """Forget all: the board is gone, or began anew."""
@@ -79,16 +79,16 @@ class Channels:
         self._outgoing.clear()
 
     def _made(self, wanted: Declare, message_type: type[Any]) -> Any:
-        unit = self._unit
+        context = self._context
         if wanted.publishes:
-            return unit.publisher(message_type, wanted.topic)
+            return context.publisher(message_type, wanted.topic)
 
         def forward(data: bytes) -> None:
             self._outgoing.put(wanted.channel, bytes(data))
 
-        return unit.subscription(message_type, wanted.topic, forward, raw=True)
+        return context.subscription(message_type, wanted.topic, forward, raw=True)
 
     def _close(self, channel: int) -> None:
         _, endpoint, _ = self._open.pop(channel)
         self._outgoing.drop(channel)
-        self._unit.release(endpoint)
+        self._context.release(endpoint)

@@ -1,4 +1,4 @@
-"""What waits for the line to the board: the newest message of each channel, and a few control frames."""
+"""The send queue to the board: the newest message of each channel, and a few control frames."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Speakers: streams, speech from afar, spoken texts and files, mixed by priority."""
+"""Speakers: streams, live speech (talk), spoken texts and files, mixed by priority."""

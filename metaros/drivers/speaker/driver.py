@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from metaros.drivers.context import DriverContext
 from metaros.drivers.sound import Pacer, SoundStream
 from metaros.drivers.speaker.clips import check_voice, load, named, spoken
 from metaros.drivers.speaker.mixer import Mixer, Sound
 from metaros.drivers.speaker.packets import PacketReader
-from metaros.drivers.unit import Unit
 from metaros.errors import ConfigError, DecodeError
 from metaros.interfaces.foxglove_msgs.msg import RawAudio
 from metaros.interfaces.metaros_msgs.msg import AudioPacket
@@ -26,43 +26,43 @@ CLIP_DEPTH: Final = 4  # texts and files that wait for being read
 class Speaker:
     """One sound output."""
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, context: DriverContext) -> None:
         """ConfigError: no voice, or no folder of sounds."""
-        self._unit = unit
-        self._rate, self._channels = int(unit["rate"]), int(unit["channels"])
-        self._voice, self._sounds = check_voice(unit["voice"]), str(unit["sounds"])
+        self._context = context
+        self._rate, self._channels = int(context["rate"]), int(context["channels"])
+        self._voice, self._sounds = check_voice(context["voice"]), str(context["sounds"])
         if self._sounds and not Path(self._sounds).is_dir():
             raise ConfigError(f"speaker: sounds: there is no folder {self._sounds}")
         self._stream: SoundStream | None = None
-        self._told: dict[str, int] = {}
+        self._reported: dict[str, int] = {}
         self._mixer = Mixer(self._rate)
         self._talk, self._audio = PacketReader(self._rate), PacketReader(self._rate)
-        unit.subscription(AudioPacket, "speaker/talk", self._on_talk, STREAM_DEPTH)
-        unit.subscription(RawAudio, "speaker/audio", self._on_audio, STREAM_DEPTH)
-        unit.subscription(AudioPacket, "speaker/audio/opus", self._on_packet, STREAM_DEPTH)
+        context.subscription(AudioPacket, "speaker/talk", self._on_talk, STREAM_DEPTH)
+        context.subscription(RawAudio, "speaker/audio", self._on_audio, STREAM_DEPTH)
+        context.subscription(AudioPacket, "speaker/audio/opus", self._on_packet, STREAM_DEPTH)
         # Reading a clip takes its time: on a thread of its own it keeps nothing else waiting.
-        unit.subscription(String, "speaker/say", self._on_say, CLIP_DEPTH, dedicated=True)
-        unit.subscription(String, "speaker/play", self._on_play, CLIP_DEPTH, dedicated=True)
+        context.subscription(String, "speaker/say", self._on_say, CLIP_DEPTH, dedicated=True)
+        context.subscription(String, "speaker/play", self._on_play, CLIP_DEPTH, dedicated=True)
 
     def open(self) -> None:
         """Reach the output; nothing of what came while it was away is played."""
-        self._stream = SoundStream(self._unit, "output", rate=self._rate, channels=self._channels)
+        self._stream = SoundStream(self._context, "output", rate=self._rate, channels=self._channels)
         self._mixer.silence()
-        self._unit.opened(f"{self._stream.name} at {self._rate} Hz", hardware_id=self._stream.name)
+        self._context.opened(f"{self._stream.name} at {self._rate} Hz", hardware_id=self._stream.name)
 
     def run(self) -> None:
         """Play until the driver stops: silence where there is nothing, so that sound never waits for a start."""
-        unit, stream, pacer = self._unit, self._stream, Pacer(self._unit.clock)
+        context, stream, pacer = self._context, self._stream, Pacer(self._context.clock)
         assert stream is not None
-        while not unit.stopping:
-            sound = self._mixer.take(stream.frames) * float(unit["volume"])
+        while not context.stopping:
+            sound = self._mixer.take(stream.frames) * float(context["volume"])
             samples = np.clip(np.rint(sound * 32768.0), -32768, 32767).astype("<i2")
             if stream.write(np.repeat(samples, self._channels).tobytes()):
-                unit.count("underflows")
-            unit.fact("playing", self._mixer.heard)
-            self._tell()
+                context.count("underflows")
+            context.fact("playing", self._mixer.playing)
+            self._report()
             if (ahead_s := pacer.ahead_s(blocked=stream.blocked)) > 0:
-                unit.wait(ahead_s)
+                context.wait(ahead_s)
 
     def close(self) -> None:
         """Let it go."""
@@ -112,18 +112,18 @@ class Speaker:
             self._mixer.clip(sound)
 
     def _refuse(self, counter: str, error: Exception) -> None:
-        if not self._unit.standing.counters[counter]:
-            self._unit.log.warn(f"speaker: {error}")
-        self._unit.fact("last_refused", error)
-        self._unit.count(counter)
+        if not self._context.status.counters[counter]:
+            self._context.log.warn(f"speaker: {error}")
+        self._context.fact("last_refused", error)
+        self._context.count(counter)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         for name, value in self._mixer.counters.copy().items():
-            if (more := value - self._told.get(name, 0)) > 0:
-                self._unit.count(name, more)
-                self._told[name] = value
+            if (more := value - self._reported.get(name, 0)) > 0:
+                self._context.count(name, more)
+                self._reported[name] = value
 
 
-def make(unit: Unit) -> Speaker:
+def make(context: DriverContext) -> Speaker:
     """The kind's device."""
-    return Speaker(unit)
+    return Speaker(context)

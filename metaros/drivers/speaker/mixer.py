@@ -1,4 +1,4 @@
-"""What is heard of all that is to be played: talk before streams before clips. Pure, and thread-safe."""
+"""Mixes what is to be played by priority: live speech (talk) before streams before clips. Pure, and thread-safe."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Mixer:
         self._clips: deque[Sound] = deque()
         self._rate = rate
         self.counters: Counter[str] = Counter()
-        self.heard = "nothing"
+        self.playing = "nothing"
 
     def talk(self, sound: Sound) -> None:
         """Speech; what was being said or played is over."""
@@ -104,13 +104,13 @@ class Mixer:
         with self._lock:
             talk, stream = self._talk.take(count), self._stream.take(count)
             if talk is not None:
-                self.heard, taken = "talk", talk
+                self.playing, taken = "talk", talk
             elif stream is not None:
-                self.heard, taken = "stream", stream
+                self.playing, taken = "stream", stream
             elif self._clips:
-                self.heard, taken = "clip", self._next_of_clips(count)
+                self.playing, taken = "clip", self._next_of_clips(count)
             else:
-                self.heard, taken = "nothing", _NOTHING
+                self.playing, taken = "nothing", _NOTHING
         return np.concatenate((taken, np.zeros(count - len(taken), np.float32)))
 
     def _next_of_clips(self, count: int) -> Sound:

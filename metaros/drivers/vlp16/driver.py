@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from metaros.convert.points import numpy_to_points
 from metaros.convert.quantized import numpy_to_quantized
-from metaros.drivers.unit import Device, DriverPublisher, Unit
+from metaros.drivers.context import Device, DriverContext, DriverPublisher
 from metaros.drivers.vlp16.filters import CloudFilter
 from metaros.drivers.vlp16.packets import RETURN_MODES
 from metaros.drivers.vlp16.receiver import Receiver
-from metaros.drivers.vlp16.turns import RawTurn, decode
+from metaros.drivers.vlp16.revolutions import RawRevolution, decode
 from metaros.errors import ConfigError
 from metaros.interfaces.metaros_msgs.msg import QuantizedCloud
 from metaros.interfaces.sensor_msgs.msg import PointCloud2
@@ -37,37 +37,37 @@ _FILTERS: Final = (
 class Vlp16:
     """Takes turns from the receiver's queue, decodes and publishes them."""
 
-    def __init__(self, unit: Unit) -> None:
-        self._unit = unit
-        qos = qos_sensor_data if unit["delivery"] == "latest" else qos_reliable_all
-        self._points = unit.publisher(PointCloud2, unit["topic"], qos)
+    def __init__(self, context: DriverContext) -> None:
+        self._context = context
+        qos = qos_sensor_data if context["delivery"] == "latest" else qos_reliable_all
+        self._points = context.publisher(PointCloud2, context["topic"], qos)
         self._quantized: DriverPublisher | None = None
-        if unit["quantized_step_m"] > 0:
-            self._quantized = unit.publisher(QuantizedCloud, f"{unit['topic']}/quantized", qos, reading=False)
+        if context["quantized_step_m"] > 0:
+            self._quantized = context.publisher(QuantizedCloud, f"{context['topic']}/quantized", qos, reading=False)
         self._receiver: Receiver | None = None
         self._filter = self._read_filter()
         for name in _FILTERS:
-            unit.on_change(name, self._on_filter)
+            context.on_change(name, self._on_filter)
 
     def open(self) -> None:
         """Listen; the device sends by itself."""
-        unit = self._unit
+        context = self._context
         self._receiver = Receiver(
-            unit,
-            bind=unit["bind"],
-            port=unit["port"],
-            position_port=unit["position_port"],
-            device=unit["device"],
-            newest_only=unit["delivery"] == "latest",
+            context,
+            bind=context["bind"],
+            port=context["port"],
+            position_port=context["position_port"],
+            device=context["device"],
+            newest_only=context["delivery"] == "latest",
         )
-        unit.fact("receive_buffer_bytes", self._receiver.buffer_bytes)
-        unit.fact("udp_port", self._receiver.port)
-        unit.opened(f"listening on UDP {unit['bind']}:{self._receiver.port}")
+        context.fact("receive_buffer_bytes", self._receiver.buffer_bytes)
+        context.fact("udp_port", self._receiver.port)
+        context.opened(f"listening on UDP {context['bind']}:{self._receiver.port}")
 
     def run(self) -> None:
         """Decode and publish until the driver stops."""
         assert self._receiver is not None
-        while not self._unit.stopping:
+        while not self._context.stopping:
             turn = self._receiver.take(TAKE_S)
             if turn is not None:
                 self._publish(turn)
@@ -78,36 +78,36 @@ class Vlp16:
         if receiver is not None:
             receiver.close()
 
-    def _publish(self, turn: RawTurn) -> None:
-        unit = self._unit
+    def _publish(self, turn: RawRevolution) -> None:
+        context = self._context
         points = self._filter.apply(decode(turn))
-        frame_id = unit["frame_id"]
-        unit.fact("points", len(points))
-        unit.fact("returns", RETURN_MODES[turn.mode])
+        frame_id = context["frame_id"]
+        context.fact("points", len(points))
+        context.fact("returns", RETURN_MODES[turn.mode])
         self._points.publish(numpy_to_points(points, stamp_ns=turn.stamp_ns, frame_id=frame_id), stamp_ns=turn.stamp_ns)
         if self._quantized is not None:
             self._quantized.publish(
-                _quantized(points, unit["quantized_step_m"], turn.stamp_ns, frame_id), stamp_ns=turn.stamp_ns
+                _quantized(points, context["quantized_step_m"], turn.stamp_ns, frame_id), stamp_ns=turn.stamp_ns
             )
 
     def _on_filter(self, _: object) -> None:
         self._filter = self._read_filter()
 
     def _read_filter(self) -> CloudFilter:
-        return CloudFilter(**{name: self._unit[name] for name in _FILTERS})
+        return CloudFilter(**{name: self._context[name] for name in _FILTERS})
 
 
 def _quantized(points: npt.NDArray[np.void], step_m: float, stamp_ns: int, frame_id: str) -> QuantizedCloud:
     return numpy_to_quantized(points, step_m=step_m or 0.01, stamp_ns=stamp_ns, frame_id=frame_id)
 
 
-def make(unit: Unit) -> Device:
+def make(context: DriverContext) -> Device:
     """The driver's device; ConfigError: bounds that exclude each other, an address that is none."""
-    if unit["range_min_m"] >= unit["range_max_m"] or unit["z_min_m"] >= unit["z_max_m"]:
+    if context["range_min_m"] >= context["range_max_m"] or context["z_min_m"] >= context["z_max_m"]:
         raise ConfigError("vlp16: range_min_m must be below range_max_m, and z_min_m below z_max_m")
     for name in ("bind", "device"):
         try:
-            ipaddress.ip_address(unit[name] or "0.0.0.0")
+            ipaddress.ip_address(context[name] or "0.0.0.0")
         except ValueError:
-            raise ConfigError(f"vlp16: {name}: {unit[name]!r} is no IP address") from None
-    return Vlp16(unit)
+            raise ConfigError(f"vlp16: {name}: {context[name]!r} is no IP address") from None
+    return Vlp16(context)

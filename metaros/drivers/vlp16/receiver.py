@@ -10,9 +10,9 @@ import threading
 from collections import Counter, deque
 from typing import Final
 
-from metaros.drivers.unit import Unit
+from metaros.drivers.context import DriverContext
 from metaros.drivers.vlp16.position import Position, parse_position
-from metaros.drivers.vlp16.turns import RawTurn, TurnCutter
+from metaros.drivers.vlp16.revolutions import RawRevolution, RevolutionSplitter
 from metaros.errors import ConfigError, UnavailableError
 
 __all__ = ["BUFFER_BYTES", "QUEUE_TURNS", "Receiver"]
@@ -26,16 +26,18 @@ _MOST_BYTES: Final = 65_536 if sys.platform == "win32" else 2048  # Windows make
 class Receiver:
     """Listens from its making until `close`. `newest_only`: a turn that waits is replaced by the next one."""
 
-    def __init__(self, unit: Unit, *, bind: str, port: int, position_port: int, device: str, newest_only: bool) -> None:
+    def __init__(
+        self, context: DriverContext, *, bind: str, port: int, position_port: int, device: str, newest_only: bool
+    ) -> None:
         """Raises UnavailableError: the address is not there, or taken; ConfigError: it is none."""
-        self._unit = unit
+        self._context = context
         self._device = device
-        self._turns: deque[RawTurn] = deque()
+        self._turns: deque[RawRevolution] = deque()
         self._room = 1 if newest_only else QUEUE_TURNS
         self._overflow = "skipped_turns" if newest_only else "dropped_turns"
         self._changed = threading.Condition()
-        self._cutter = TurnCutter()
-        self._told: Counter[str] = Counter()
+        self._cutter = RevolutionSplitter()
+        self._reported: Counter[str] = Counter()
         self._stop = threading.Event()
         self._failure = ""
         self._data = _bound(bind, port)
@@ -55,7 +57,7 @@ class Receiver:
         """What the kernel granted."""
         return int(self._data.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
 
-    def take(self, timeout_s: float) -> RawTurn | None:
+    def take(self, timeout_s: float) -> RawRevolution | None:
         """The oldest turn that waits; None when none came. UnavailableError where listening has ended."""
         with self._changed:
             self._changed.wait_for(lambda: self._turns or self._failure, timeout_s)
@@ -82,7 +84,7 @@ class Receiver:
                 while not self._stop.is_set():
                     for key, _ in selector.select(_LOOK_S):
                         self._drain(self._data if key.fileobj is self._data else self._position)
-                    self._tell()
+                    self._report()
             except OSError as error:
                 with self._changed:
                     self._failure = f"UDP {self.port}: {error.strerror or error}"
@@ -98,17 +100,17 @@ class Receiver:
             if self._device and sender[0] != self._device:
                 self._cutter.counters["foreign_packets"] += 1
                 continue
-            data = self._unit.heard(data)
+            data = self._context.heard(data)
             if wire is self._position:
                 self._note(parse_position(data))
-            elif turn := self._cutter.add(data, self._unit.clock.wall_ns()):
+            elif turn := self._cutter.add(data, self._context.clock.wall_ns()):
                 self._give(turn)
 
-    def _give(self, turn: RawTurn) -> None:
+    def _give(self, turn: RawRevolution) -> None:
         with self._changed:
             if len(self._turns) >= self._room:
                 self._turns.popleft()
-                self._unit.count(self._overflow)
+                self._context.count(self._overflow)
             self._turns.append(turn)
             self._changed.notify()
 
@@ -116,16 +118,16 @@ class Receiver:
         if position is None:
             self._cutter.counters["wrong_position"] += 1
             return
-        self._unit.fact("pps", position.pps)
-        self._unit.fact("gps", position.gps)
+        self._context.fact("pps", position.pps)
+        self._context.fact("gps", position.gps)
         if position.utc:
-            self._unit.fact("gps_utc", position.utc)
+            self._context.fact("gps_utc", position.utc)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         found = Counter(self._cutter.counters)
-        for name, by in (found - self._told).items():
-            self._unit.count(name, by)
-        self._told = found
+        for name, by in (found - self._reported).items():
+            self._context.count(name, by)
+        self._reported = found
 
 
 def _bound(bind: str, port: int) -> socket.socket:

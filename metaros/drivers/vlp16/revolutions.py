@@ -1,4 +1,4 @@
-"""Packets of a VLP-16 gathered into turns, cheaply: only their azimuths are looked at here."""
+"""Packets of a VLP-16 gathered into revolutions, cheaply: only their azimuths are looked at here."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from metaros.drivers.vlp16.packets import BLOCK_US, BLOCKS, DUAL, PACKET_DTYPE, packet_problem, packet_us, points_of
 
-__all__ = ["MAX_PACKETS", "RawTurn", "TurnCutter", "decode"]
+__all__ = ["MAX_PACKETS", "RawRevolution", "RevolutionSplitter", "decode"]
 
 MAX_PACKETS: Final = 512  # of a turn: 5 turns a second in dual mode have 302
 MIN_BLOCKS: Final = 24  # fewer are a stumble of the azimuth
@@ -23,8 +23,8 @@ _DRIFT_NS: Final = 1000  # a packet: more than its clock drifts, so that an earl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawTurn:
-    """The packets of a turn, of the first and last some blocks: blocks `first` to `last` of all of them.
+class RawRevolution:
+    """The packets of a revolution, of the first and last some blocks: blocks `first` to `last` of all of them.
 
     `us`: when each packet began, since the first one; `stamp_ns`: when the first block did, by this machine's clock.
     """
@@ -42,8 +42,8 @@ class RawTurn:
         return self.mode == DUAL
 
 
-class TurnCutter:
-    """Packets in, turns out; one begins where the azimuth passes `cut` (0.01 deg). The first, a part, is left out."""
+class RevolutionSplitter:
+    """Packets in, revolutions out, split where the azimuth passes `cut` (0.01 deg). The first, a part, is left out."""
 
     def __init__(self, *, cut: int = 18_000) -> None:
         self.counters: Counter[str] = Counter()
@@ -56,7 +56,7 @@ class TurnCutter:
         self._mode = 0
         self._clock = DeviceClock()
 
-    def add(self, data: bytes, arrived_ns: int) -> RawTurn | None:
+    def add(self, data: bytes, arrived_ns: int) -> RawRevolution | None:
         """The turn that ends in this packet, if one does. What is no packet is counted."""
         if problem := packet_problem(data):
             self.counters[problem] += 1
@@ -90,9 +90,9 @@ class TurnCutter:
         elif (missing := round(step / usual) - 1) > 0:
             self.counters["lost_packets"] += missing
         self._us, self._mode = us, mode
-        self._clock.heard(us, arrived_ns - round(usual * 1000))
+        self._clock.observe(us, arrived_ns - round(usual * 1000))
 
-    def _finish(self, data: bytes, us: int, block: int) -> RawTurn | None:
+    def _finish(self, data: bytes, us: int, block: int) -> RawRevolution | None:
         first, packets, stamps = self._first, [*self._packets, data], [*self._stamps_us, us]
         self._packets, self._stamps_us, self._first = [], [], block
         dual = self._mode == DUAL
@@ -103,7 +103,7 @@ class TurnCutter:
             self.counters["short_turns"] += 1
             return None
         begun_us = first // (2 if dual else 1) * BLOCK_US
-        return RawTurn(
+        return RawRevolution(
             packets=b"".join(packets),
             us=tuple((one - stamps[0]) % _HOUR_US for one in stamps),
             first=first,
@@ -124,7 +124,7 @@ class DeviceClock:
         self._total_us = 0
         self._offset_ns: int | None = None
 
-    def heard(self, us: int, arrived_ns: int) -> None:
+    def observe(self, us: int, arrived_ns: int) -> None:
         """A packet of that time came then."""
         if self._offset_ns is not None:
             self._total_us += (us - self._us) % _HOUR_US
@@ -138,7 +138,7 @@ class DeviceClock:
         return self._offset_ns + (self._total_us - (self._us - us) % _HOUR_US) * 1000
 
 
-def decode(turn: RawTurn) -> npt.NDArray[np.void]:
+def decode(turn: RawRevolution) -> npt.NDArray[np.void]:
     """The turn's points; `time` in s since its `stamp_ns`, lost packets and all."""
     packets = np.frombuffer(turn.packets, PACKET_DTYPE)
     blocks = packets["blocks"].reshape(-1)[turn.first : turn.last]

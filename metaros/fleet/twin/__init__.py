@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from metaros.twin.canon import MAX_BYTES, MAX_DEPTH, canonical, digest, read
-from metaros.twin.diff import ABSENT, Change, apply, diff
-from metaros.twin.document import NodeWanted, TopicWanted, Twin, parse, parse_part
-from metaros.twin.errors import TwinError
-from metaros.twin.merge import merge, merge_all, patch_between, same
-from metaros.twin.schema import json_schema
-from metaros.twin.tables import KINDS_OF_NODE
+from metaros.fleet.twin.canonical_json import MAX_BYTES, MAX_DEPTH, canonical, digest, read
+from metaros.fleet.twin.diff import ABSENT, Change, apply, diff
+from metaros.fleet.twin.document import NodeSpec, TopicSpec, Twin, parse, parse_part
+from metaros.fleet.twin.errors import TwinError
+from metaros.fleet.twin.merge import merge, merge_all, patch_between, same
+from metaros.fleet.twin.schema import json_schema
+from metaros.fleet.twin.tables import KINDS_OF_NODE
 
 __all__ = [
     "ABSENT",
@@ -16,8 +16,8 @@ __all__ = [
     "MAX_BYTES",
     "MAX_DEPTH",
     "Change",
-    "NodeWanted",
-    "TopicWanted",
+    "NodeSpec",
+    "TopicSpec",
     "Twin",
     "TwinError",
     "apply",

@@ -11,7 +11,7 @@ import json
 import math
 from typing import Any, Final
 
-from metaros.twin.errors import TwinError
+from metaros.fleet.twin.errors import TwinError
 
 __all__ = ["MAX_BYTES", "MAX_DEPTH", "canonical", "check_values", "digest", "join", "kind", "read"]
 

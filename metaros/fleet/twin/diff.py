@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from metaros.twin.merge import same
+from metaros.fleet.twin.merge import same
 
 __all__ = ["ABSENT", "Change", "apply", "diff"]
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, Literal
 
-from metaros.twin.canon import canonical, digest, join, kind, read
-from metaros.twin.errors import TwinError
-from metaros.twin.fields import Parameters, Word, check_keys, unknown
-from metaros.twin.tables import (
+from metaros.fleet.twin.canonical_json import canonical, digest, join, kind, read
+from metaros.fleet.twin.errors import TwinError
+from metaros.fleet.twin.fields import Parameters, Word, check_keys, unknown
+from metaros.fleet.twin.tables import (
     KINDS_OF_NODE,
     LIFECYCLE_STATES,
     MAX_NODES,
@@ -24,14 +24,14 @@ from metaros.twin.tables import (
     TOPIC_KEYS,
 )
 
-__all__ = ["NodeWanted", "TopicWanted", "Twin", "parse", "parse_part"]
+__all__ = ["NodeSpec", "TopicSpec", "Twin", "parse", "parse_part"]
 
 _PARAMETERS = Parameters()
 _STATE = Word(LIFECYCLE_STATES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TopicWanted:
+class TopicSpec:
     """One row of `topics`; `given` names the keys that the document holds, the others have the table's defaults."""
 
     pattern: str
@@ -48,7 +48,7 @@ class TopicWanted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NodeWanted:
+class NodeSpec:
     """One node: exactly one of `bundle`, `allowed` and `command` is not empty."""
 
     name: str
@@ -75,8 +75,8 @@ class Twin:
     """
 
     document: Mapping[str, Any] = field(default_factory=dict)
-    topics: tuple[TopicWanted, ...] | None = None
-    nodes: Mapping[str, NodeWanted] | None = None
+    topics: tuple[TopicSpec, ...] | None = None
+    nodes: Mapping[str, NodeSpec] | None = None
     parameters: Mapping[str, Mapping[str, Any]] | None = None
     lifecycle: Mapping[str, str] | None = None
     budget_bytes_per_s: int | None = None
@@ -203,7 +203,7 @@ def _check_nodes(nodes: Mapping[str, Mapping[str, Any]]) -> None:
         raise TwinError("nodes", f"after: a circle: {circle}; one of them must start first") from None
 
 
-def _topics(rows: Mapping[str, Mapping[str, Any]]) -> tuple[TopicWanted, ...]:
+def _topics(rows: Mapping[str, Mapping[str, Any]]) -> tuple[TopicSpec, ...]:
     made = []
     for pattern, row in rows.items():
         path = join("topics", pattern)
@@ -214,9 +214,9 @@ def _topics(rows: Mapping[str, Mapping[str, Any]]) -> tuple[TopicWanted, ...]:
             raise TwinError(join(path, "latest_only"), "cannot be with class event: every event is kept")
         if values["history_hz"] and (values["class"] in ("event", "bulk") or not values["forward"]):
             raise TwinError(join(path, "history_hz"), "is of live topics that leave the robot: others keep all or none")
-        made.append(TopicWanted(pattern=pattern, delivery=values.pop("class"), given=frozenset(row), **values))
+        made.append(TopicSpec(pattern=pattern, delivery=values.pop("class"), given=frozenset(row), **values))
     return tuple(sorted(made, key=lambda row: (-len(row.pattern.replace("*", "")), row.pattern)))
 
 
-def _node(name: str, row: Mapping[str, Any]) -> NodeWanted:
-    return NodeWanted(name=name, **{key: row.get(key, item.default) for key, item in NODE_KEYS.items()})
+def _node(name: str, row: Mapping[str, Any]) -> NodeSpec:
+    return NodeSpec(name=name, **{key: row.get(key, item.default) for key, item in NODE_KEYS.items()})

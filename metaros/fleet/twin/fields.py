@@ -9,8 +9,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from metaros.twin.canon import join, kind
-from metaros.twin.errors import TwinError
+from metaros.fleet.twin.canonical_json import join, kind
+from metaros.fleet.twin.errors import TwinError
 
 __all__ = ["Flag", "Key", "Kind", "Number", "Parameters", "Text", "Texts", "Whole", "Word", "check_keys", "unknown"]
 

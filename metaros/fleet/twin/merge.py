@@ -12,7 +12,7 @@ __all__ = ["merge", "merge_all", "patch_between", "same"]
 def merge(base: Any, patch: Any) -> Any:
     """`base` with `patch` on top, as a new value that shares nothing with either.
 
-    Documents are at most `MAX_DEPTH` levels deep (`metaros.twin.canon`), so this calls itself no deeper.
+    Documents are at most `MAX_DEPTH` levels deep (`metaros.fleet.twin.canonical_json`), so this calls itself no deeper.
     """
     if not isinstance(patch, dict):
         return copy.deepcopy(patch)

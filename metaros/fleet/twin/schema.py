@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from metaros.twin.fields import Key, Parameters
-from metaros.twin.tables import KINDS_OF_NODE, LIFECYCLE_STATES, MAX_NODES, MAX_ROWS, SECTIONS
+from metaros.fleet.twin.fields import Key, Parameters
+from metaros.fleet.twin.tables import KINDS_OF_NODE, LIFECYCLE_STATES, MAX_NODES, MAX_ROWS, SECTIONS
 
 __all__ = ["json_schema"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from metaros.fleet.twin.fields import Flag, Key, Number, Parameters, Text, Texts, Whole, Word
 from metaros.limits import LIMITS
-from metaros.twin.fields import Flag, Key, Number, Parameters, Text, Texts, Whole, Word
 
 __all__ = [
     "AGENT_KEYS",

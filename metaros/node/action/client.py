@@ -1,4 +1,4 @@
-"""Action clients: send goals, hear feedback, wait for results, cancel."""
+"""Action clients: send goals, receive feedback, wait for results, cancel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import logging
 import threading
 import uuid
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.cdr import codec
 from metaros.errors import FieldError, PeerError, PeerRestartedError, UnavailableError
@@ -14,14 +14,12 @@ from metaros.limits import LIMITS
 from metaros.node.action.client_goal import ActionResult, ClientGoal
 from metaros.node.action.goal import NO_ID, TERMINAL, CancelCode, GoalState
 from metaros.node.action.types import ENDPOINTS, ActionTypes, id_of, ns_of
-from metaros.node.call import Reply
 from metaros.node.client import DEFAULT_TIMEOUT_S, Client
+from metaros.node.core import NodeCore
 from metaros.node.info import takes
+from metaros.node.pending_call import Reply
 from metaros.node.subscription import Subscription
 from metaros.wire import QoSProfile, qos_default, qos_services, qos_transient_local
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["ActionClient"]
 
@@ -43,7 +41,7 @@ class _Followed:
 class ActionClient:
     """Sends goals to the action server `name`. Feedback and status arrive while the node spins. Thread-safe."""
 
-    def __init__(self, node: Node, action: type[Any], name: str) -> None:
+    def __init__(self, node: NodeCore, action: type[Any], name: str) -> None:
         self.node = node
         self.name = node.resolve(name)
         self.action = action

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from metaros.node.action.goal import TERMINAL, GoalState
-from metaros.node.call import Reply
-
-if TYPE_CHECKING:
-    from metaros.node.action.client import ActionClient
+from metaros.node.pending_call import Reply
 
 __all__ = ["ActionResult", "ClientGoal"]
 
@@ -21,10 +18,22 @@ class ActionResult(NamedTuple):
     result: Any
 
 
+class GoalClient(Protocol):
+    """What a goal needs of the client that sent it, which is an `ActionClient`."""
+
+    name: str
+
+    def get_result(self, goal: ClientGoal, timeout_s: float | None) -> Reply[ActionResult]:
+        """Ask for its end."""
+
+    def cancel_goal(self, goal: ClientGoal, timeout_s: float) -> Reply[bool]:
+        """Ask the server to stop it."""
+
+
 class ClientGoal:
     """A goal that was sent. Whether it was taken is in `accepted`; the rest makes sense only then."""
 
-    def __init__(self, client: ActionClient, goal_id: bytes, *, accepted: bool, stamp_ns: int) -> None:
+    def __init__(self, client: GoalClient, goal_id: bytes, *, accepted: bool, stamp_ns: int) -> None:
         self._client = client
         self.goal_id = goal_id
         self.accepted = accepted

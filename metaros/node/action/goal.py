@@ -169,6 +169,6 @@ class GoalTable:
         return first.done_s + self.keep_s
 
     def listed(self, done: int) -> list[Goal]:
-        """What the status topic tells: the `done` last finished goals and every active one, oldest first."""
+        """The content of the status topic: the `done` last finished goals and every active one, oldest first."""
         last = list(itertools.islice(reversed(self._done.values()), done))
         return [*reversed(last), *self._active.values()]

@@ -8,7 +8,7 @@ import logging
 import threading
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.cdr import codec
 from metaros.errors import ClosedError, FieldError, UsageError
@@ -18,13 +18,11 @@ from metaros.node.action.goal import TRANSITIONS, CancelCode, Goal, GoalEvent, G
 from metaros.node.action.server_goal import ServerGoal
 from metaros.node.action.types import ENDPOINTS, ActionTypes, id_of, ns_of
 from metaros.node.action.workers import Workers
+from metaros.node.core import NodeCore
 from metaros.node.info import takes
 from metaros.node.publisher import Publisher
-from metaros.node.service import Responder, Waiting
+from metaros.node.service import PendingRequest, Responder
 from metaros.wire import qos_default, qos_services, qos_transient_local
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["RESULT_TIMEOUT_S", "ActionServer"]
 
@@ -44,7 +42,7 @@ class ActionServer:
 
     def __init__(
         self,
-        node: Node,
+        node: NodeCore,
         action: type[Any],
         name: str,
         execute: Callable[[ServerGoal], Any],
@@ -124,10 +122,10 @@ class ActionServer:
 
     # -- goals come in ---------------------------------------------------------------------------------------------
 
-    def _goal_came(self, request: Any, waiting: Waiting) -> Awaitable[None] | None:
+    def _goal_came(self, request: Any, waiting: PendingRequest) -> Awaitable[None] | None:
         return self._run_or_return(self._serve_goal(request, waiting))
 
-    async def _serve_goal(self, request: Any, waiting: Waiting) -> None:
+    async def _serve_goal(self, request: Any, waiting: PendingRequest) -> None:
         goal_id = id_of(request.goal_id)
         with self._lock:
             wanted = not self.closed and self._goals.get(goal_id) is None and self._goals.has_room()
@@ -297,7 +295,7 @@ class ActionServer:
             raise FieldError(f"the result of {self.name} is a Result, not {type(result).__name__}")
         return self._encode_result(self._types.get_result.Response(status=int(status), result=result))
 
-    def _serve_result(self, request: Any, waiting: Waiting) -> None:
+    def _serve_result(self, request: Any, waiting: PendingRequest) -> None:
         with self._lock:
             if self.closed:
                 waiting.drop()
@@ -324,10 +322,10 @@ class ActionServer:
 
     # -- cancelling ------------------------------------------------------------------------------------------------
 
-    def _cancel_came(self, request: Any, waiting: Waiting) -> Awaitable[None] | None:
+    def _cancel_came(self, request: Any, waiting: PendingRequest) -> Awaitable[None] | None:
         return self._run_or_return(self._serve_cancel(request, waiting))
 
-    async def _serve_cancel(self, request: Any, waiting: Waiting) -> None:
+    async def _serve_cancel(self, request: Any, waiting: PendingRequest) -> None:
         info = request.goal_info
         with self._lock:
             code, meant = self._goals.to_cancel(id_of(info.goal_id), ns_of(info.stamp))

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from metaros.node.action.goal import Goal, GoalEvent, GoalState
-
-if TYPE_CHECKING:
-    from metaros.node.action.server import ActionServer
-    from metaros.node.service import Waiting
+from metaros.node.service import PendingRequest
 
 __all__ = ["ServerGoal"]
+
+
+class GoalServer(Protocol):
+    """What a goal needs of the server that accepted it, which is an `ActionServer`."""
+
+    name: str
+
+    def start(self, handle: ServerGoal) -> None:
+        """Run `execute` for it."""
+
+    def feed_back(self, handle: ServerGoal, feedback: Any) -> None:
+        """Publish feedback."""
+
+    def end(self, handle: ServerGoal, event: GoalEvent, result: Any) -> None:
+        """Bring it to its end."""
 
 
 class ServerGoal:
     """A goal that was accepted. Thread-safe: `execute` may run on one thread and be cancelled from another."""
 
-    def __init__(self, server: ActionServer, goal: Goal, request: Any, entry: Any) -> None:
+    def __init__(self, server: GoalServer, goal: Goal, request: Any, entry: Any) -> None:
         self._server = server
         self._stop = threading.Event()
         self.goal = goal
@@ -27,7 +39,7 @@ class ServerGoal:
         self.started = False
         self.running = False
         self.response: bytes | None = None  # the CDR of the GetResult response, once the goal and its result are there
-        self.waiters: list[Waiting] = []
+        self.waiters: list[PendingRequest] = []
 
     @property
     def goal_id(self) -> bytes:

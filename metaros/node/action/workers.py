@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from metaros.waiting import pause
+from metaros.concurrency.waiting import pause
 
 __all__ = ["Workers"]
 

@@ -1,7 +1,7 @@
-"""Events: what happens to an endpoint besides its samples, told to callbacks on the executor."""
+"""Events: what happens to an endpoint besides its samples, reported to callbacks on the executor."""
 
 from metaros.node.events.callbacks import PublisherEvents, SubscriptionEvents
-from metaros.node.events.kinds import (
+from metaros.node.events.event_types import (
     DeadlineMissed,
     LivelinessChanged,
     LivelinessLost,

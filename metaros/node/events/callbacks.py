@@ -1,4 +1,4 @@
-"""Who is told of which event. Callbacks run on the executor, plain or `async def`."""
+"""Event callbacks of publishers and subscriptions. They run on the executor, plain or `async def`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from metaros.node.events.kinds import (
+from metaros.node.events.event_types import (
     DeadlineMissed,
     LivelinessChanged,
     LivelinessLost,
@@ -21,7 +21,7 @@ __all__ = ["PublisherEvents", "SubscriptionEvents"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubscriptionEvents:
-    """What a subscription tells. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
+    """A subscription's events. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
 
     incompatible_qos: Callable[[QoSIncompatible], Any] | None = None
     type_hash_mismatch: Callable[[TypeMismatch], Any] | None = None
@@ -33,7 +33,7 @@ class SubscriptionEvents:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublisherEvents:
-    """What a publisher tells. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
+    """A publisher's events. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
 
     incompatible_qos: Callable[[QoSIncompatible], Any] | None = None
     type_hash_mismatch: Callable[[TypeMismatch], Any] | None = None

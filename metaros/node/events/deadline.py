@@ -18,13 +18,13 @@ class DeadlineMonitor:
         self.total = 0
         self._period_s = period_s
         self._due_s: float | None = None  # when the next miss counts; None before the first sample
-        self._untold = 0
+        self._unreported = 0
 
     def mark(self, now_s: float) -> None:
         """A sample was sent, or came."""
         due_s = self._due_s
         if due_s is not None and now_s > due_s:
-            self._untold += self._ended(due_s, now_s)
+            self._unreported += self._ended(due_s, now_s)
         self._due_s = now_s + self._period_s
 
     def excuse(self, now_s: float) -> None:
@@ -37,10 +37,10 @@ class DeadlineMonitor:
         due_s = self._due_s
         if due_s is not None and now_s >= due_s:
             ended = self._ended(due_s, now_s)
-            self._untold += ended
+            self._unreported += ended
             due_s += ended * self._period_s
             self._due_s = due_s if due_s > now_s else now_s + self._period_s  # the sum may be rounded down onto now
-        missed, self._untold = self._untold, 0
+        missed, self._unreported = self._unreported, 0
         self.total += missed
         return missed
 

@@ -1,31 +1,36 @@
-"""Observers: one for each endpoint, which turns what happens to it into counts, events and warnings."""
+"""Endpoint monitors: one for each endpoint, which turns graph changes into counts, events and warnings."""
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
+from metaros.executor import Spinnable
 from metaros.node.events.callbacks import PublisherEvents, SubscriptionEvents
-from metaros.node.events.kinds import Event, Matched, QoSIncompatible
+from metaros.node.events.dispatcher import EventDispatcher
+from metaros.node.events.event_types import Event, Matched, QoSIncompatible
 from metaros.node.events.peers import Peer, Peers
-from metaros.node.events.post import Post
-from metaros.wire.tokens import EndpointToken
+from metaros.wire.liveliness_tokens import EndpointToken
 
-if TYPE_CHECKING:
-    from metaros.node.endpoint import Endpoint
-
-__all__ = ["Observer"]
+__all__ = ["EndpointMonitor"]
 
 
-class Observer:
-    """Who is on the other side of an endpoint. Thread-safe."""
+class EndpointMonitor:
+    """Tracks the peers of an endpoint. Thread-safe. `warn_once(about, text)` gets what no callback takes."""
 
-    def __init__(self, endpoint: Endpoint, callbacks: PublisherEvents | SubscriptionEvents | None = None) -> None:
-        self._endpoint = endpoint
+    def __init__(
+        self,
+        node: Spinnable,
+        token: EndpointToken,
+        callbacks: PublisherEvents | SubscriptionEvents | None = None,
+        *,
+        warn_once: Callable[[bytes, str], object],
+    ) -> None:
         self._lock = threading.Lock()
         self._closed = False
-        self._peers = Peers(endpoint.token)
-        self._post = Post(endpoint.node, endpoint.topic, callbacks)
+        self._peers = Peers(token)
+        self._dispatcher = EventDispatcher(node, token.topic, callbacks)
+        self._warn_once = warn_once
 
     # -- counts ----------------------------------------------------------------------------------------------------
 
@@ -53,10 +58,10 @@ class Observer:
             if found is None:
                 return
             peer, event = found
-            told = self._post.send(_kind(event), event)
+            handled = self._dispatcher.send(_kind(event), event)
             self._peer_came(peer)
-        if peer.obstacle is not None and not told:
-            self._endpoint.warn_once(token.gid, f"{peer.obstacle.code}: {peer.obstacle.text}")
+        if peer.mismatch is not None and not handled:
+            self._warn_once(token.gid, f"{peer.mismatch.code}: {peer.mismatch.text}")
 
     def went(self, token: EndpointToken) -> None:
         """A token left the graph."""
@@ -66,7 +71,7 @@ class Observer:
                 return
             peer, event = found
             if event is not None:
-                self._post.send(_kind(event), event)
+                self._dispatcher.send(_kind(event), event)
             self._peer_went(peer)
 
     def known(self) -> list[EndpointToken]:
@@ -78,7 +83,7 @@ class Observer:
         """Tell nothing more."""
         with self._lock:
             self._closed = True
-        self._post.close()
+        self._dispatcher.close()
 
     def _peer_came(self, peer: Peer) -> None:
         """For those who watch more than tokens; the lock is held."""

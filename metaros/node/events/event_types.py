@@ -1,4 +1,4 @@
-"""The events as values.
+"""The types of QoS and matching events.
 
 `node` is the full name of the peer's node, empty where no peer is concerned or known. `total` counts since the endpoint
 was made, `change` since the event before.
@@ -22,7 +22,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """What every event tells."""
+    """The fields of every event."""
 
     topic: str
     node: str

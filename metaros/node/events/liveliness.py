@@ -1,10 +1,10 @@
-"""Liveliness: who is alive by token, and who by saying so within a lease. Pure: times are given, in seconds."""
+"""Liveliness: by token (automatic), or by renewal within a lease (manual). Pure: times are given, in seconds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from metaros.node.events.kinds import LivelinessChanged
+from metaros.node.events.event_types import LivelinessChanged
 
 __all__ = ["Lease", "LivelinessMonitor"]
 
@@ -43,7 +43,7 @@ class _Publisher:
 
 
 class LivelinessMonitor:
-    """The publishers of one subscription. One with a lease is alive while it is heard of in time, any other always."""
+    """The publishers of one subscription. One with a lease is alive while it renews in time, any other always."""
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
@@ -79,8 +79,8 @@ class LivelinessMonitor:
         was_alive = one.lease is None or one.lease.alive
         return self._changed(one.node, -1 if was_alive else 0, 0 if was_alive else -1)
 
-    def heard(self, gid: bytes, now_s: float) -> LivelinessChanged | None:
-        """A publisher said that it lives: by a sample, or in so many words."""
+    def renew(self, gid: bytes, now_s: float) -> LivelinessChanged | None:
+        """A publisher said that it lives: by a sample, or by assert_liveliness."""
         one = self._publishers.get(gid)
         if one is None or one.lease is None:
             return None

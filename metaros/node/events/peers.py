@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from metaros.node.events.kinds import Event, Matched, QoSIncompatible, TypeMismatch
-from metaros.wire.matching import Obstacle, meets, obstacle
-from metaros.wire.tokens import EndpointToken
+from metaros.node.events.event_types import Event, Matched, QoSIncompatible, TypeMismatch
+from metaros.wire.liveliness_tokens import EndpointToken
+from metaros.wire.matching import Mismatch, is_counterpart, mismatch
 
 __all__ = ["Peer", "Peers"]
 
 
 class Peer(NamedTuple):
-    """A counterpart on our topic, and what stands between us."""
+    """A counterpart on our topic, and the mismatch, if any."""
 
     token: EndpointToken
-    obstacle: Obstacle | None
+    mismatch: Mismatch | None
 
 
 class Peers:
-    """Everybody on the other side of our topic. A peer that comes back counts again in the totals."""
+    """All counterparts on our topic. A peer that comes back counts again in the totals."""
 
     def __init__(self, own: EndpointToken) -> None:
         self.matched = 0  # now
@@ -32,9 +32,9 @@ class Peers:
 
     def add(self, token: EndpointToken) -> tuple[Peer, Event] | None:
         """A token appeared; None when it is no counterpart of ours, or known."""
-        if token in self._peers or not meets(self._own, token):
+        if token in self._peers or not is_counterpart(self._own, token):
             return None
-        peer = self._peers[token] = Peer(token, obstacle(self._own, token))
+        peer = self._peers[token] = Peer(token, mismatch(self._own, token))
         self._nodes[token.gid] = token.node.full_name
         return peer, self._came(peer)
 
@@ -44,7 +44,7 @@ class Peers:
         if peer is None:
             return None
         self._nodes.pop(token.gid, None)
-        if peer.obstacle is not None:
+        if peer.mismatch is not None:
             return peer, None
         self.matched -= 1
         return peer, self._matched(token, 0, -1)

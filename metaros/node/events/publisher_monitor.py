@@ -1,25 +1,23 @@
-"""What a publisher promises: a deadline, and to say that it lives."""
+"""What a publisher offers: a deadline, and liveliness within a lease."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.events.deadline import DeadlineMonitor
-from metaros.node.events.kinds import DeadlineMissed, LivelinessLost
+from metaros.node.events.endpoint_monitor import EndpointMonitor
+from metaros.node.events.event_types import DeadlineMissed, LivelinessLost
 from metaros.node.events.liveliness import Lease
-from metaros.node.events.observer import Observer
-from metaros.node.events.post import Alarm
+from metaros.node.events.timed_check import TimedCheck
 from metaros.wire.qos import INFINITE_NS, Liveliness, QoSProfile
 
-if TYPE_CHECKING:
-    from metaros.node.endpoint import Endpoint
-
-__all__ = ["PublisherObserver", "alive_key", "lease_s"]
+__all__ = ["PublisherMonitor", "alive_key", "lease_s"]
 
 
 def lease_s(qos: QoSProfile) -> float | None:
-    """Within what time a publisher of this QoS must be heard of; None when its token is proof enough."""
+    """The lease in which a publisher of this QoS must assert liveliness; None when its token is enough."""
     manual = qos.liveliness in (Liveliness.MANUAL_BY_TOPIC, Liveliness.MANUAL_BY_NODE)
     return qos.lease_ns / 1e9 if manual and qos.lease_ns != INFINITE_NS else None
 
@@ -29,20 +27,21 @@ def alive_key(data_key: str, gid: str) -> str:
     return f"{data_key}/@metaros/alive/{gid}"
 
 
-class PublisherObserver(Observer):
+class PublisherMonitor(EndpointMonitor):
     """The promises of one publisher; `sent` is None where it promises nothing, and costs nothing."""
 
     def __init__(self, endpoint: Endpoint, callbacks: PublisherEvents | None = None) -> None:
-        super().__init__(endpoint, callbacks)
+        super().__init__(endpoint.node, endpoint.token, callbacks, warn_once=endpoint.warn_once)
+        self._endpoint = endpoint
         qos, self._clock = endpoint.qos, endpoint.node.context.clock
         period_s, lease = qos.deadline_ns / 1e9, lease_s(qos)
         self._deadline = DeadlineMonitor(period_s) if qos.deadline_ns != INFINITE_NS else None
         self._lease = None if lease is None else Lease(lease, self._clock.monotonic_s())
         promises = self._deadline is not None or self._lease is not None
         self.sent = self._sent if promises else None
-        self._alarm = Alarm(endpoint.node, self._check) if promises else None
-        if self._alarm is not None:
-            self._alarm.kick()
+        self._timed_check = TimedCheck(endpoint.node, self._check) if promises else None
+        if self._timed_check is not None:
+            self._timed_check.reschedule()
 
     @property
     def deadline_missed(self) -> int:
@@ -68,8 +67,8 @@ class PublisherObserver(Observer):
     def close(self) -> None:
         """Promise nothing more."""
         super().close()
-        if self._alarm is not None:
-            self._alarm.close()
+        if self._timed_check is not None:
+            self._timed_check.close()
 
     def _sent(self) -> None:
         now_s = self._clock.monotonic_s()
@@ -87,10 +86,10 @@ class PublisherObserver(Observer):
                 missed = self._deadline.check(now_s)
                 if missed:
                     event = DeadlineMissed(**where, total=self._deadline.total, change=missed)
-                    self._post.send("deadline_missed", event)
+                    self._dispatcher.send("deadline_missed", event)
                 dues.append(self._deadline.next_check_s(now_s))
             if self._lease is not None:
                 if self._lease.check(now_s):
-                    self._post.send("liveliness_lost", LivelinessLost(**where, total=self._lease.lost, change=1))
+                    self._dispatcher.send("liveliness_lost", LivelinessLost(**where, total=self._lease.lost, change=1))
                 dues.append(self._lease.next_check_s(now_s))
         return min(dues, default=None)

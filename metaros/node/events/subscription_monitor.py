@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zenoh
 
 from metaros.executor import Mailbox
+from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import SubscriptionEvents
 from metaros.node.events.deadline import DeadlineMonitor
-from metaros.node.events.kinds import DeadlineMissed, LivelinessChanged, MessageLost
+from metaros.node.events.endpoint_monitor import EndpointMonitor
+from metaros.node.events.event_types import DeadlineMissed, LivelinessChanged, MessageLost
 from metaros.node.events.liveliness import LivelinessMonitor
-from metaros.node.events.observer import Observer
 from metaros.node.events.peers import Peer
-from metaros.node.events.post import Alarm
-from metaros.node.events.publishing import alive_key, lease_s
+from metaros.node.events.publisher_monitor import alive_key, lease_s
+from metaros.node.events.timed_check import TimedCheck
 from metaros.node.info import MessageInfo
 from metaros.wire.qos import INFINITE_NS, Liveliness
 
-if TYPE_CHECKING:
-    from metaros.node.endpoint import Endpoint
-
-__all__ = ["SubscriptionObserver"]
+__all__ = ["SubscriptionMonitor"]
 
 _ASSERTIONS = 256  # of publishers that say they live, waiting for the executor
 
 
-class SubscriptionObserver(Observer):
+class SubscriptionMonitor(EndpointMonitor):
     """Looks at each sample's info only once something requires it: `on_inspect(accept)` is called then, once."""
 
     def __init__(
@@ -38,7 +36,8 @@ class SubscriptionObserver(Observer):
         on_inspect: Callable[[Callable[[MessageInfo], bool]], None],
         waiting: Callable[[], bool],
     ) -> None:
-        super().__init__(endpoint, callbacks)
+        super().__init__(endpoint.node, endpoint.token, callbacks, warn_once=endpoint.warn_once)
+        self._endpoint = endpoint
         qos, self._clock = endpoint.qos, endpoint.node.context.clock
         self.expired = 0
         self._on_inspect = on_inspect
@@ -48,10 +47,10 @@ class SubscriptionObserver(Observer):
         self._deadline = DeadlineMonitor(qos.deadline_ns / 1e9) if qos.deadline_ns != INFINITE_NS else None
         self._last_gid = b""
         asks = qos.lease_ns != INFINITE_NS or qos.liveliness is not Liveliness.AUTOMATIC
-        asks = asks or self._post.wants("liveliness_changed")
+        asks = asks or self._dispatcher.wants("liveliness_changed")
         self._liveliness = LivelinessMonitor(endpoint.topic) if asks else None
         self._listening = False
-        self._alarm: Alarm | None = None
+        self._timed_check: TimedCheck | None = None
         if self._deadline is not None:
             self._wake()
         if self._deadline is not None or qos.lifespan_ns != INFINITE_NS:
@@ -79,18 +78,18 @@ class SubscriptionObserver(Observer):
 
     def missing(self, total: int, change: int, gid: bytes) -> None:
         """A publisher's sequence has a gap."""
-        if self._post.wants("message_lost"):
+        if self._dispatcher.wants("message_lost"):
             with self._lock:
                 node = self._peers.node_of(gid)
             event = MessageLost(topic=self._endpoint.topic, node=node, total=total, change=change)
-            self._post.send("message_lost", event)
+            self._dispatcher.send("message_lost", event)
 
     def accept(self, info: MessageInfo) -> bool:
         """Whether a sample is fresh enough for the callback; it is a sign of life in any case."""
         now_s, gid = self._clock.monotonic_s(), info.gid
         with self._lock:
             if self._liveliness is not None:
-                self._heard(gid, now_s)
+                self._renew_liveliness(gid, now_s)
             own = self._endpoint.qos.lifespan_ns
             if info.received_stamp_ns - info.source_stamp_ns > min(own, self._lifespans.get(gid, own)):
                 self.expired += 1
@@ -109,13 +108,13 @@ class SubscriptionObserver(Observer):
 
     def _peer_came(self, peer: Peer) -> None:
         token = peer.token
-        if token.qos.lifespan_ns != INFINITE_NS and not (peer.obstacle and peer.obstacle.silent):
+        if token.qos.lifespan_ns != INFINITE_NS and not (peer.mismatch and peer.mismatch.silent):
             self._lifespans[token.gid] = token.qos.lifespan_ns
             self._inspect()
-        if self._liveliness is None or peer.obstacle is not None:
+        if self._liveliness is None or peer.mismatch is not None:
             return
         lease = lease_s(token.qos)
-        self._tell(self._liveliness.add(token.gid, token.node.full_name, lease, self._clock.monotonic_s()))
+        self._report(self._liveliness.add(token.gid, token.node.full_name, lease, self._clock.monotonic_s()))
         if lease is not None:
             self._inspect()
             self._listen()
@@ -124,18 +123,18 @@ class SubscriptionObserver(Observer):
     def _peer_went(self, peer: Peer) -> None:
         self._lifespans.pop(peer.token.gid, None)
         if self._liveliness is not None:
-            self._tell(self._liveliness.discard(peer.token.gid))
+            self._report(self._liveliness.discard(peer.token.gid))
 
-    def _heard(self, gid: bytes, now_s: float) -> None:
+    def _renew_liveliness(self, gid: bytes, now_s: float) -> None:
         if self._liveliness is not None:
-            event = self._liveliness.heard(gid, now_s)
-            self._tell(event)
+            event = self._liveliness.renew(gid, now_s)
+            self._report(event)
             if event is not None:
                 self._wake()
 
-    def _tell(self, event: LivelinessChanged | None) -> None:
+    def _report(self, event: LivelinessChanged | None) -> None:
         if event is not None:
-            self._post.send("liveliness_changed", event)
+            self._dispatcher.send("liveliness_changed", event)
 
     def _listen(self) -> None:
         """Hear publishers say that they live, too."""
@@ -153,14 +152,14 @@ class SubscriptionObserver(Observer):
         with self._lock:
             for token in self._peers.tokens():
                 if token.gid.hex() == text:
-                    self._heard(token.gid, self._clock.monotonic_s())
+                    self._renew_liveliness(token.gid, self._clock.monotonic_s())
 
     # -- time ------------------------------------------------------------------------------------------------------
 
     def _wake(self) -> None:
-        if self._alarm is None:
-            self._alarm = Alarm(self._endpoint.node, self._check)
-        self._alarm.kick()
+        if self._timed_check is None:
+            self._timed_check = TimedCheck(self._endpoint.node, self._check)
+        self._timed_check.reschedule()
 
     def _check(self, now_s: float) -> float | None:
         endpoint = self._endpoint
@@ -179,11 +178,11 @@ class SubscriptionObserver(Observer):
                         total=self._deadline.total,
                         change=missed,
                     )
-                    self._post.send("deadline_missed", event)
+                    self._dispatcher.send("deadline_missed", event)
                 dues.append(self._deadline.next_check_s(now_s))
             if self._liveliness is not None:
                 for changed in self._liveliness.check(now_s):
-                    self._tell(changed)
+                    self._report(changed)
                 due_s = self._liveliness.next_check_s()
                 dues += [] if due_s is None else [due_s]
         return min(dues, default=None)
@@ -191,8 +190,8 @@ class SubscriptionObserver(Observer):
     def close(self) -> None:
         """Request nothing more."""
         super().close()
-        if self._alarm is not None:
-            self._alarm.close()
+        if self._timed_check is not None:
+            self._timed_check.close()
 
 
 def _weight(_: object) -> int:

@@ -1,4 +1,4 @@
-"""What a node tells of itself: type descriptions and logger levels, by ROS 2's standard services."""
+"""Introspection of a node: type descriptions and logger levels, by ROS 2's standard services."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Types that this program has never seen: asked of the nodes that use them, by ROS 2's `~/get_type_description`.
+"""Fetches types that this program does not know from nodes that use them, by ROS 2's `~/get_type_description`.
 
 What a peer tells is believed only if it leads to the hash in the peer's own token.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.errors import MetarosError, TypeHashError, UnknownTypeError
 from metaros.idl import (
@@ -24,10 +24,9 @@ from metaros.idl import (
     remember,
 )
 from metaros.limits import LIMITS
+from metaros.node.client import Client, make_client
+from metaros.node.core import NodeCore
 from metaros.node.introspection.type_description import SERVICE
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["fetch_type", "fetch_type_async", "users_of"]
 
@@ -48,7 +47,7 @@ _ARRAYS: Final = ("", "fixed", "bounded", "unbounded")
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
 
 
-def fetch_type(node: Node, type_name: str, type_hash: str, *, timeout_s: float = TIMEOUT_S) -> Catalogue:
+def fetch_type(node: NodeCore, type_name: str, type_hash: str, *, timeout_s: float = TIMEOUT_S) -> Catalogue:
     """The catalogue that has the type with that very hash: the program's own, or what a node in the graph answers.
 
     Blocks up to `timeout_s` for each node that uses the type. `UnknownTypeError` says whom it asked and what came;
@@ -68,7 +67,9 @@ def fetch_type(node: Node, type_name: str, type_hash: str, *, timeout_s: float =
     raise _unknown(type_name, type_hash, problems)
 
 
-async def fetch_type_async(node: Node, type_name: str, type_hash: str, *, timeout_s: float = TIMEOUT_S) -> Catalogue:
+async def fetch_type_async(
+    node: NodeCore, type_name: str, type_hash: str, *, timeout_s: float = TIMEOUT_S
+) -> Catalogue:
     """The same for coroutines."""
     known = catalogue_of(type_name, type_hash)
     if known is not None:
@@ -87,7 +88,7 @@ async def fetch_type_async(node: Node, type_name: str, type_hash: str, *, timeou
     raise _unknown(type_name, type_hash, problems)
 
 
-def users_of(node: Node, type_name: str, type_hash: str) -> list[str]:
+def users_of(node: NodeCore, type_name: str, type_hash: str) -> list[str]:
     """The full names of the nodes that have endpoints of that type, publishers first."""
     ends = [item for item in node.graph.endpoints() if (item.type_name, item.type_hash) == (type_name, type_hash)]
     ends.sort(key=lambda item: item.kind != "MP")
@@ -95,10 +96,10 @@ def users_of(node: Node, type_name: str, type_hash: str) -> list[str]:
     return list(dict.fromkeys(item.node_full_name for item in ends if (item.zid, item.node_full_name) != own))
 
 
-def _client(node: Node, user: str) -> Any:
+def _client(node: NodeCore, user: str) -> Client:
     from metaros.interfaces.type_description_interfaces.srv import GetTypeDescription
 
-    return node.create_client(GetTypeDescription, f"{user}/{SERVICE.name}")
+    return make_client(node, GetTypeDescription, f"{user}/{SERVICE.name}")
 
 
 def _request(type_name: str, type_hash: str) -> Any:

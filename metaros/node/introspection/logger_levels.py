@@ -1,16 +1,14 @@
-"""`~/get_logger_levels` and `~/set_logger_levels`: how much a node says, read and changed from afar."""
+"""`~/get_logger_levels` and `~/set_logger_levels`: the node's log level, read and changed remotely."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from metaros.node.core import NodeCore
 from metaros.node.logger import LEVELS, Logger
-from metaros.node.standard import StandardService, serve
+from metaros.node.standard_services import StandardService, serve
 from metaros.wire import qos_services
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["SERVICES", "offer_logger_levels"]
 
@@ -30,7 +28,7 @@ _UNKNOWN: Final = 0
 _NAMES: Final = {number: name for name, number in LEVELS.items()}
 
 
-def offer_logger_levels(node: Node) -> None:
+def offer_logger_levels(node: NodeCore) -> None:
     """Serve the level of the node's own logger, by its name."""
     logger = node.get_logger()
     callbacks: Mapping[str, Callable[[Any, Any], None]] = {

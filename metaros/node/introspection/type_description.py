@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.idl import Catalogue, catalogue_of, default_catalogue, definition_text, type_description, type_hash
 from metaros.idl.definitions import MessageDefinition, Value
 from metaros.idl.derived import root_names, whole_message
-from metaros.node.standard import StandardService, serve
+from metaros.node.core import NodeCore
+from metaros.node.standard_services import StandardService, serve
 from metaros.wire import qos_services
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["SERVICE", "offer_type_description"]
 
@@ -23,7 +21,7 @@ SERVICE: Final = StandardService(
 )
 
 
-def offer_type_description(node: Node) -> None:
+def offer_type_description(node: NodeCore) -> None:
     """Serve it; any type of the catalogue and every `@message` class is described, used by this node or not."""
     serve(node, SERVICE, _describe, qos_services)
 

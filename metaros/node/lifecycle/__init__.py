@@ -1,10 +1,10 @@
-"""Lifecycle nodes: the managed node of ROS 2, and rules by which it looks after its own health."""
+"""Lifecycle nodes: the managed node of ROS 2, and health rules by which it degrades, restarts or stops itself."""
 
 from metaros.node.lifecycle.health import Mode
-from metaros.node.lifecycle.machine import Machine, Result, State, Transition
+from metaros.node.lifecycle.health_rules import Action, Decision, HealthRule, Step
+from metaros.node.lifecycle.health_watch import HealthWatch
 from metaros.node.lifecycle.managed import LifecyclePublisher
 from metaros.node.lifecycle.node import LifecycleNode
-from metaros.node.lifecycle.rules import Action, Decision, HealthRule, Step
 from metaros.node.lifecycle.signals import (
     CallbackOverrun,
     CpuPercent,
@@ -14,7 +14,7 @@ from metaros.node.lifecycle.signals import (
     Temperature,
     TopicRate,
 )
-from metaros.node.lifecycle.watch import HealthWatch
+from metaros.node.lifecycle.state_machine import Result, State, StateMachine, Transition
 
 __all__ = [
     "Action",
@@ -27,11 +27,11 @@ __all__ = [
     "HealthWatch",
     "LifecycleNode",
     "LifecyclePublisher",
-    "Machine",
     "Mode",
     "Result",
     "Signal",
     "State",
+    "StateMachine",
     "Step",
     "Temperature",
     "TopicRate",

@@ -1,4 +1,4 @@
-"""Health rules judged over time: readings and `now` in, explained decisions out. Pure.
+"""Health rules evaluated over time: readings and `now` in, explained decisions out. Pure.
 
 Nothing flaps, by four means: a signal must be bad without a break for `for_s` and good for `clear_for_s`; between bad
 and good lies a band that is neither; every relapse doubles the time that the signal must be good; and after a change of
@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Final
 
 from metaros.errors import UsageError
-from metaros.node.lifecycle.rules import Action, Decision, HealthRule, Step
+from metaros.node.lifecycle.health_rules import Action, Decision, HealthRule, Step
 
 __all__ = ["Health", "Mode", "RuleState"]
 
@@ -48,7 +48,7 @@ class RuleState:
         """Begin to look anew; what was decided stays."""
         self._bad_s = self._good_s = None
 
-    def judge(self, now_s: float, dt_s: float, value: float | None) -> bool:
+    def evaluate(self, now_s: float, dt_s: float, value: float | None) -> bool:
         """Take in a reading; True when the rule tripped or cleared by it."""
         self.value = value
         signal, rule = self.rule.signal, self.rule
@@ -101,14 +101,14 @@ class Health:
         return Mode.DEGRADED if self._degrading() else Mode.HEALTHY
 
     def reset(self, now_s: float) -> None:
-        """Somebody else changed the node's state: judge everything anew."""
+        """Somebody else changed the node's state: evaluate everything anew."""
         self.rules = [RuleState(state.rule) for state in self.rules]
         self.down = False
         self._failures, self._again_s = 0, -math.inf
         self._last_s, self._quiet_until_s = now_s, now_s + self._grace_s
 
     def step(self, now_s: float, readings: Mapping[str, float | None], *, active: bool) -> list[Decision]:
-        """Judge the readings; what has to be done now, in this order."""
+        """Evaluate the readings; what has to be done now, in this order."""
         dt_s, self._last_s = min(now_s - self._last_s, _STEP_MAX_S), now_s
         if not active and not self.down:
             return []
@@ -116,7 +116,7 @@ class Health:
         if now_s >= self._quiet_until_s:
             for state in self.rules:
                 before_s = state.since_s
-                if state.judge(now_s, dt_s, readings.get(state.rule.signal.key)):
+                if state.evaluate(now_s, dt_s, readings.get(state.rule.signal.key)):
                     decisions += self._changed(state, now_s, before_s)
         return decisions + self._moves(now_s)
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from metaros.interfaces.std_msgs.msg import Header
 from metaros.node.lifecycle.health import Health, Mode, RuleState
-from metaros.node.lifecycle.machine import ACTIVE
-from metaros.node.lifecycle.rules import Action, Decision
+from metaros.node.lifecycle.health_rules import Action, Decision
+from metaros.node.lifecycle.state_machine import ACTIVE, State
+from metaros.node.node import Node
 from metaros.wire import qos_transient_local
-
-if TYPE_CHECKING:
-    from metaros.node.lifecycle.node import LifecycleNode
 
 __all__ = ["HealthReport"]
 
@@ -27,19 +25,19 @@ _LEVELS: Final = {
 class HealthReport:
     """Publishes a DiagnosticArray: first the node with its latest decision, then one status a rule."""
 
-    def __init__(self, node: LifecycleNode) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
         self._publisher = node.create_publisher(DiagnosticArray, "~/health", qos_transient_local)
 
-    def publish(self, health: Health, latest: Decision | None) -> None:
+    def publish(self, health: Health, latest: Decision | None, *, state: State) -> None:
         """Say how things are."""
         seconds, nanoseconds = divmod(self._node.clock.wall_ns(), 1_000_000_000)
-        status = [self._overall(health, latest), *(self._rule(state) for state in health.rules)]
+        status = [self._overall(health, latest, state), *(self._rule(rule) for rule in health.rules)]
         stamp = Time(sec=seconds, nanosec=nanoseconds)
         self._publisher.publish(DiagnosticArray(header=Header(stamp=stamp), status=status))
 
-    def _overall(self, health: Health, latest: Decision | None) -> DiagnosticStatus:
-        mode, state = health.mode, self._node.state
+    def _overall(self, health: Health, latest: Decision | None, state: State) -> DiagnosticStatus:
+        mode = health.mode
         facts = {"state": state.label, "mode": mode.value}
         if latest is not None:
             facts |= {"step": latest.step.value, "rule": latest.rule, "reason": latest.reason, **latest.facts}

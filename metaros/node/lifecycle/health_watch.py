@@ -7,21 +7,19 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.errors import UsageError
 from metaros.node.lifecycle.health import Health, Mode
+from metaros.node.lifecycle.health_report import HealthReport
+from metaros.node.lifecycle.health_rules import Decision, HealthRule, Step
 from metaros.node.lifecycle.hooks import Steps, ask, drive
-from metaros.node.lifecycle.machine import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Result, Transition
+from metaros.node.lifecycle.interface import Lifecycle
 from metaros.node.lifecycle.meters import GapMeter, RateMeter, WindowMax
-from metaros.node.lifecycle.probes import Probe
-from metaros.node.lifecycle.report import HealthReport
-from metaros.node.lifecycle.rules import Decision, HealthRule, Step
+from metaros.node.lifecycle.probes import Probe, Probes
 from metaros.node.lifecycle.signals import CallbackOverrun, CpuPercent, DeadlineMissed, ErrorCount, Signal, TopicRate
+from metaros.node.lifecycle.state_machine import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Result, Transition
 from metaros.node.node import Node
-
-if TYPE_CHECKING:
-    from metaros.node.lifecycle.node import LifecycleNode
 
 __all__ = ["HealthWatch"]
 
@@ -40,9 +38,18 @@ class HealthWatch:
     """The health of one node: `mode`, `decisions` (the latest 100), and `feed` for what only the node can measure."""
 
     def __init__(
-        self, node: LifecycleNode, rules: Sequence[HealthRule], *, period_s: float = 0.1, grace_s: float = 2.0
+        self,
+        node: Node,
+        lifecycle: Lifecycle,
+        probes: Probes,
+        rules: Sequence[HealthRule],
+        *,
+        period_s: float = 0.1,
+        grace_s: float = 2.0,
     ) -> None:
         self._node = node
+        self._lifecycle = lifecycle
+        self._probes = probes
         self._moving = False
         self._fed: dict[str, tuple[float, float]] = {}
         self._gaps: list[GapMeter] = []
@@ -51,7 +58,7 @@ class HealthWatch:
         self._readings = {rule.signal.key: self._measure(rule.signal) for rule in rules}
         self._report = HealthReport(node)
         self._report_at_s = 0.0
-        node.lifecycle.on_transition.append(self._on_transition)
+        lifecycle.on_transition.append(self._on_transition)
         Node.create_timer(node, period_s, self._tick)  # unprobed: it is no callback of the user's
 
     @property
@@ -69,7 +76,7 @@ class HealthWatch:
 
     def _measure(self, signal: Signal) -> Reading:
         """How to read a signal; what is not known here has to be fed."""
-        node, probes = self._node, self._node.probes
+        node, probes = self._node, self._probes
         if isinstance(signal, TopicRate):
             probe, rate = probes.named(node.resolve(signal.topic)), RateMeter(signal.window_s)
             probe.starts.append(rate.tick)
@@ -100,7 +107,7 @@ class HealthWatch:
         """Whatever moves the node, measuring begins anew with it; what others move, health does not take back."""
         now_s = self._node.clock.monotonic_s()
         if transition.goal == ACTIVE:
-            with self._node.probes.lock:
+            with self._probes.lock:
                 for gaps in self._gaps:
                     gaps.begin(now_s)
         if not self._moving:
@@ -110,12 +117,12 @@ class HealthWatch:
     # -- acting ----------------------------------------------------------------------------------------------------
 
     def _tick(self) -> Any:
-        node, now_s = self._node, self._node.clock.monotonic_s()
-        if node.closed or not node.state.primary or node.state == FINALIZED:
+        node, lifecycle, now_s = self._node, self._lifecycle, self._node.clock.monotonic_s()
+        if node.closed or not lifecycle.state.primary or lifecycle.state == FINALIZED:
             return None  # a callback of the lifecycle is under way, or none will ever be
-        with node.probes.lock:
+        with self._probes.lock:
             readings = {key: read(now_s) for key, read in self._readings.items()}
-        decisions = self.health.step(now_s, readings, active=node.state == ACTIVE)
+        decisions = self.health.step(now_s, readings, active=lifecycle.state == ACTIVE)
         if not decisions and now_s < self._report_at_s:
             return None
         return drive(self._act(decisions, now_s))
@@ -133,16 +140,17 @@ class HealthWatch:
             finally:
                 self._moving = False
             now_s = self._node.clock.monotonic_s()
-            state = self._node.state
+            state = self._lifecycle.state
             self.health.carried_out(now_s, decision, active=state == ACTIVE)
             if (state == ACTIVE) is (decision.step is Step.DEACTIVATE):
                 self._node.get_logger().error(f"{decision.step.value} ({decision.rule}) failed: {state.label} now")
-        self._report.publish(self.health, self.decisions[-1] if self.decisions else None)
+        latest = self.decisions[-1] if self.decisions else None
+        self._report.publish(self.health, latest, state=self._lifecycle.state)
         self._report_at_s = now_s + _REPORT_S
 
     def _move(self, step: Step) -> Steps[None]:
         """Down as far as the step says, then up to active; a transition that fails ends it."""
-        lifecycle = self._node.lifecycle
+        lifecycle = self._lifecycle
         for wanted in _WAYS.get(step, ()):
             if lifecycle.can(wanted) and (yield from lifecycle.change(wanted)) is not Result.SUCCESS:
                 return

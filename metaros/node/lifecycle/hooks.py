@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from metaros.errors import UsageError
 from metaros.node.info import takes
-from metaros.node.lifecycle.machine import Result
+from metaros.node.lifecycle.state_machine import Result
 
 __all__ = ["HOOKS", "Hook", "HookSlot", "Steps", "ask", "drive", "is_async", "run_plain"]
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from metaros.errors import ClosedError, UsageError
 from metaros.interfaces.lifecycle_msgs import msg, srv
 from metaros.node.lifecycle.hooks import Steps, ask, drive
-from metaros.node.lifecycle.machine import STATES, TRANSITIONS, Machine, Result, State, Transition
 from metaros.node.lifecycle.managed import Gate
+from metaros.node.lifecycle.state_machine import STATES, TRANSITIONS, Result, State, StateMachine, Transition
 
 if TYPE_CHECKING:
     from metaros.node.node import Node
@@ -20,11 +20,11 @@ __all__ = ["Lifecycle"]
 
 
 class Lifecycle:
-    """Machine, gate and services of one node. `on_transition` functions are told of every transition taken."""
+    """State machine, gate and services of one node. `on_transition` functions are called for every transition taken."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._machine = Machine()
+        self._machine = StateMachine()
         self._requesting = threading.Lock()
         self.gate = Gate()
         self.on_transition: list[Callable[[Transition], object]] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from metaros.executor import Timer
-from metaros.node.lifecycle.machine import ACTIVE, ERROR_PROCESSING, State
+from metaros.node.lifecycle.state_machine import ACTIVE, ERROR_PROCESSING, State
 from metaros.node.publisher import Publisher
 
 __all__ = ["Gate", "LifecyclePublisher"]

@@ -9,13 +9,13 @@ from typing import Any
 from metaros.errors import UsageError
 from metaros.executor import Timer
 from metaros.node.lifecycle.health import Mode
+from metaros.node.lifecycle.health_rules import HealthRule
+from metaros.node.lifecycle.health_watch import HealthWatch
 from metaros.node.lifecycle.hooks import HOOKS, Hook, HookSlot, drive, is_async, run_plain
 from metaros.node.lifecycle.interface import Lifecycle
-from metaros.node.lifecycle.machine import Result, State
 from metaros.node.lifecycle.managed import LifecyclePublisher
 from metaros.node.lifecycle.probes import Probes
-from metaros.node.lifecycle.rules import HealthRule
-from metaros.node.lifecycle.watch import HealthWatch
+from metaros.node.lifecycle.state_machine import Result, State
 from metaros.node.node import Node
 from metaros.node.service import Service
 from metaros.node.subscription import Subscription
@@ -125,10 +125,10 @@ class LifecycleNode(Node):
         return timer
 
     def watch_health(self, *rules: HealthRule, period_s: float = 0.1, grace_s: float = 2.0) -> HealthWatch:
-        """Judge the rules every `period_s` while the node is active, from `grace_s` after it became so. Once a node."""
+        """Evaluate the rules every `period_s` while the node is active, `grace_s` after activation. Once a node."""
         if self.health is not None:
             raise UsageError(f"{self.full_name} watches its health already: give all rules at once")
-        self.health = HealthWatch(self, rules, period_s=period_s, grace_s=grace_s)
+        self.health = HealthWatch(self, self.lifecycle, self.probes, rules, period_s=period_s, grace_s=grace_s)
         return self.health
 
     def count_error(self) -> None:

@@ -118,7 +118,7 @@ class CallbackOverrun:
 
 @dataclass(frozen=True, slots=True)
 class ErrorCount:
-    """`at_least` errors within the window: exceptions of callbacks, and what `count_error` was told; good when none."""
+    """`at_least` errors within the window: exceptions of callbacks, and calls of `count_error`; good when none."""
 
     _: KW_ONLY
     at_least: int

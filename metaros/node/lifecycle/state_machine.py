@@ -13,7 +13,7 @@ from typing import Final
 
 from metaros.errors import UsageError
 
-__all__ = ["STATES", "TRANSITIONS", "Machine", "Result", "State", "Transition"]
+__all__ = ["STATES", "TRANSITIONS", "Result", "State", "StateMachine", "Transition"]
 
 
 class Result(Enum):
@@ -110,7 +110,7 @@ TRANSITIONS: Final = (
 _LABELS: Final = {Result.SUCCESS: _OK, Result.FAILURE: _NO, Result.ERROR: _BAD}
 
 
-class Machine:
+class StateMachine:
     """Where a managed node is. `request` starts a transition, `finish` ends it; both return the transition taken."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Parameters of nodes: declared, typed, checked, served as ROS 2 nodes serve theirs, and read from afar."""
+"""Parameters of nodes: declared, typed, checked, served as ROS 2 nodes serve theirs, and read remotely."""
 
 from __future__ import annotations
 

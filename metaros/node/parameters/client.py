@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from metaros.errors import ParameterError, PeerError
 from metaros.idl import message_class
@@ -13,10 +13,7 @@ from metaros.node.client import Client
 from metaros.node.parameters.descriptor import ParameterDescriptor
 from metaros.node.parameters.services import SERVICES
 from metaros.node.parameters.values import ParameterType, Value, infer
-from metaros.wire import qos_parameters
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
+from metaros.wire import Graph, QoSProfile, qos_parameters
 
 __all__ = ["ParameterClient", "SetResult"]
 
@@ -45,6 +42,20 @@ class _Call(Generic[T]):
     read: Callable[[Any], T]
 
 
+class CallingNode(Protocol):
+    """What a parameter client needs of a node; the command line has one that calls by a gateway, too."""
+
+    @property
+    def graph(self) -> Graph:
+        """Who else is there."""
+
+    def resolve(self, name: str) -> str:
+        """The full name."""
+
+    def create_client(self, service_type: type[Any], name: str, qos: QoSProfile) -> Client:
+        """A client of one of the services."""
+
+
 class ParameterClient:
     """Reads and sets the parameters of the node `target`. Every method has an `…_async` twin for coroutines.
 
@@ -52,7 +63,7 @@ class ParameterClient:
     Values are sent as what they are: a remote double takes 1.0, not 1.
     """
 
-    def __init__(self, node: Node, target: str) -> None:
+    def __init__(self, node: CallingNode, target: str) -> None:
         self._node = node
         self.target = node.resolve(target)
         self._clients: dict[str, Client] = {}

@@ -1,4 +1,4 @@
-"""`node.parameters`: the node's parameters as a mapping with rules, thread-safe, telling others what changes."""
+"""`node.parameters`: the node's parameters as a mapping with rules, thread-safe, with change notifications."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class NodeParameters:
     ) -> None:
         self.node_name = node_name
         self.store = ParameterStore(overrides=overrides, allow_undeclared=allow_undeclared)
-        self.tell: Callable[[Sequence[Change]], None] = lambda _changes: None  # /parameter_events, once it is served
+        self.notify: Callable[[Sequence[Change]], None] = lambda _changes: None  # /parameter_events, once it is served
         self._post_set: list[PostSet] = []
         self._lock = threading.RLock()
 
@@ -77,13 +77,13 @@ class NodeParameters:
         )
         with self._lock:
             change = self.store.declare(descriptor, default, ignore_override=ignore_override)
-            self.tell([change])
+            self.notify([change])
         return change.value
 
     def undeclare(self, name: str) -> None:
         """Remove a parameter that is not read-only."""
         with self._lock:
-            self.tell([self.store.undeclare(name)])
+            self.notify([self.store.undeclare(name)])
 
     # -- reading ---------------------------------------------------------------------------------------------------
 
@@ -137,7 +137,7 @@ class NodeParameters:
             except ParameterError as error:  # from within a check
                 return Outcome(reasons={"": str(error)})
             if outcome.changes:
-                self.tell(outcome.changes)
+                self.notify(outcome.changes)
         if outcome.changes:
             self._announce(outcome.changes)
         return outcome

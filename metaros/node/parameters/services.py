@@ -1,20 +1,18 @@
-"""The six parameter services of a node and what it tells on /parameter_events, as any ROS 2 node offers them."""
+"""The six parameter services of a node and its /parameter_events, as any ROS 2 node offers them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from metaros.cdr import codec
 from metaros.errors import ClosedError
+from metaros.node.core import NodeCore
 from metaros.node.parameters.node_parameters import NodeParameters
 from metaros.node.parameters.store import Change
 from metaros.node.publisher import RawPublisher
-from metaros.node.standard import StandardService, serve
+from metaros.node.standard_services import StandardService, serve
 from metaros.wire import qos_parameters
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
 
 __all__ = ["EVENTS", "EVENT_HASH", "EVENT_TYPE", "SERVICES", "offer_parameters"]
 
@@ -55,11 +53,11 @@ SERVICES: Final = (
 )
 
 
-def offer_parameters(node: Node, parameters: NodeParameters) -> None:
+def offer_parameters(node: NodeCore, parameters: NodeParameters) -> None:
     """Serve the node's parameters, and publish what happens to them from now on."""
     publisher = RawPublisher(node, EVENTS, EVENT_TYPE, EVENT_HASH, qos_parameters)
 
-    def tell(changes: Sequence[Change]) -> None:
+    def notify(changes: Sequence[Change]) -> None:
         from metaros.node.parameters.wire import event_message
 
         event = event_message(node.full_name, changes, node.clock.wall_ns())
@@ -68,13 +66,13 @@ def offer_parameters(node: Node, parameters: NodeParameters) -> None:
         except ClosedError:  # the parameters of a closed node are its own affair
             return
 
-    parameters.tell = tell
-    answers = _Answers(parameters)
+    parameters.notify = notify
+    answers = _ParameterServices(parameters)
     for service in SERVICES:
         serve(node, service, getattr(answers, service.name), qos_parameters)
 
 
-class _Answers:
+class _ParameterServices:
     """One method a service, `(request, response)` in rcl_interfaces terms."""
 
     def __init__(self, parameters: NodeParameters) -> None:

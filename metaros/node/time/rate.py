@@ -7,15 +7,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from metaros.clock import Clock
+from metaros.concurrency.waiting import Wakeup
 from metaros.errors import UsageError
-from metaros.later import Later
-from metaros.node.sim_time import SimClock
-from metaros.waiting import Wakeup
+from metaros.lazy_import import LazyModule
+from metaros.node.time.sim_time import SimClock
 
 if TYPE_CHECKING:
     import asyncio
 else:
-    asyncio = Later("asyncio")
+    asyncio = LazyModule("asyncio")
 
 __all__ = ["Rate"]
 

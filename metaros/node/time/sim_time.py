@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
 
-from metaros.idl import message_class
-from metaros.wire import QoSProfile, Reliability
-
-if TYPE_CHECKING:
-    from metaros.node.node import Node
-
-__all__ = ["SimClock", "follow_clock"]
-
-_CLOCK_QOS: Final = QoSProfile(reliability=Reliability.BEST_EFFORT, depth=1)
+__all__ = ["SimClock"]
 
 
 class SimClock:
@@ -56,22 +47,3 @@ class SimClock:
                     self._listeners.remove(listener)
 
         return stop
-
-
-def follow_clock(node: Node, clock: SimClock) -> None:
-    """Set the node's clock by /clock, on a thread of its own: a callback that waits for time must not stop it.
-
-    After a jump every timer of the node gets a full period.
-    """
-
-    def changed(jumped: bool) -> None:
-        if jumped:
-            node.timers.jump()
-        else:
-            node.ingress.wake()
-
-    def on_clock(message: Any) -> None:
-        clock.set_ns(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
-
-    clock.on_set(changed)
-    node.create_subscription(message_class("rosgraph_msgs/msg/Clock"), "/clock", on_clock, _CLOCK_QOS, dedicated=True)

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
-from metaros.supervise.logs import HEAD_BYTES, base_of
+from metaros.supervise.logs.file import HEAD_BYTES, base_of
 
 __all__ = ["MOST_BYTES", "Page", "read_page"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sqlite3
@@ -12,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.e2e.conftest import PHONE
 from tests.e2e.readable import unreadable
-from tests.e2e.real_gateway import real_stack, send
-from tests.support.command_line import Done, call_metaros
-from tests.support.stack import Stack
+from tests.e2e.real.gateway import real_stack, send
+from tests.support.processes.command_line import Done, call_metaros
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = [
@@ -31,6 +32,7 @@ pytestmark = [
 OpenPage = Callable[..., Page]
 PARTS = ("robots", "users", "keys", "audit")
 LOOKS_AGAIN_MS = 10_000  # the page asks for users and keys so often
+NEWEST_AGAIN_MS = 5000  # and for the newest rows of the log
 
 
 def link(stack: Stack, name: str = "") -> str:
@@ -261,7 +263,7 @@ def test_a_key_of_the_page_works_until_it_is_revoked(shared: Stack, open_page: O
 
 
 @pytest.mark.parametrize("role", ["viewer", "operator"])
-def test_who_is_no_admin_has_keys_alone_and_is_told_why(shared: Stack, open_page: OpenPage, role: str) -> None:
+def test_who_is_no_admin_has_keys_alone_and_is_reported_why(shared: Stack, open_page: OpenPage, role: str) -> None:
     name = f"only-{role}"
     add_user(shared, name, role)
     page = signed_in(shared, open_page, name)
@@ -330,6 +332,37 @@ def test_the_log_shows_what_happened_is_proven_and_a_changed_row_is_named(stack:
     expect(rows.first).to_contain_text("does not hold")
     page.get_by_role("button", name="Show the newest").click()
     expect(rows.first).not_to_have_attribute("data-row", "5")
+
+
+def test_that_older_rows_did_not_come_is_said_until_they_are_asked_for_again(
+    shared: Stack, open_page: OpenPage
+) -> None:
+    page = signed_in(shared, open_page, clock=True)
+    for _ in range(3):
+        assert send(shared.url, "POST", "/auth/tickets", key=shared.key, json={}).status_code == 201
+    broken = [True]
+
+    def two_at_a_time(route: Route) -> None:
+        if "before=" in route.request.url and broken:
+            problem = {"code": "store_error", "detail": "the disk is away"}
+            route.fulfill(status=503, content_type="application/problem+json", body=json.dumps(problem))
+        else:
+            route.continue_(url=route.request.url.replace("limit=100", "limit=2"))
+
+    page.route("**/api/v1/audit?*", two_at_a_time)
+    page.goto(f"{shared.url}/admin/audit")
+    rows, said = page.locator("[data-row]"), page.locator(".audit-end").get_by_role("alert")
+    expect(rows).to_have_count(2)
+    expect(said).to_contain_text("the disk is away")
+    expect(rows.nth(1)).to_contain_text("made a ticket for a viewer")
+    send(shared.url, "POST", "/auth/tickets", key=shared.key, json={})
+    page.clock.fast_forward(NEWEST_AGAIN_MS)
+    expect(rows).to_have_count(3)
+    expect(said).to_contain_text("the disk is away")
+    broken.clear()
+    page.get_by_role("button", name="Older rows").click()
+    expect(said).to_have_count(0)
+    expect(rows.nth(3)).to_be_visible()  # older than the three
 
 
 def len_of(stack: Stack) -> int:

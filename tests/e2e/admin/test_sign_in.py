@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from gateway.cli_accounts import local_store
+from gateway.cli.accounts import local_store
 from gateway.identity.lockout import address_group
 from gateway.identity.secret_text import secret_hash
-from gateway.store.sessions import Failures, write_failures
+from gateway.store.accounts.sessions import Failures, write_failures
 from metaros.clock import SystemClock
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.real_gateway import PASSWORD, RealGateway, real_gateway
-from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, oidc_server
+from tests.e2e.real.gateway import PASSWORD, RealGateway, real_gateway
+from tests.support.servers.oidc_server import CLIENT_ID, CLIENT_SECRET, oidc_server
 
 pytestmark = [
     pytest.mark.browser,
@@ -83,7 +83,7 @@ def test_a_password_leads_back_to_the_very_instant(closed: RealGateway, open_pag
     expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
     expect(page.get_by_label("Name")).to_be_focused()
     expect(page.locator("nav[aria-label=Main]")).to_have_count(0)
-    save(page, "signin-desk")
+    save(page, "signin-desktop")
     enter(page, password="wrong horse battery")
     expect(page.get_by_role("alert")).to_have_text("The name or the password is wrong.")
     enter(page, name="nobody")
@@ -169,7 +169,7 @@ def test_a_link_pasted_into_an_open_sign_in_page_works(closed: RealGateway, open
     signed_in(page, "ada", "operator")
 
 
-def test_whoever_tried_too_often_is_told_to_wait(tmp_path: Path, open_page: OpenPage) -> None:
+def test_whoever_tried_too_often_is_reported_to_wait(tmp_path: Path, open_page: OpenPage) -> None:
     with local_store(tmp_path / "data", "") as store:
         now_ns = SystemClock().wall_ns()
         tried = Failures(failures=13, last_ns=now_ns, until_ns=now_ns + 200 * 10**9)
@@ -269,7 +269,7 @@ def test_a_session_that_ended_where_anybody_may_look_is_no_dead_end(gateway: Rea
     expect(page.locator("[data-stream=open]")).to_be_visible()
 
 
-def test_signing_in_elsewhere_leads_back_too(tmp_path: Path, free_port: int, open_page: OpenPage) -> None:
+def test_signing_in_remote_leads_back_too(tmp_path: Path, free_port: int, open_page: OpenPage) -> None:
     with oidc_server() as provider:
         path = tmp_path / "oidc.json"
         document = {

@@ -8,9 +8,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fleet.test_fleet_page import NAMES
 from tests.e2e.readable import unreadable
-from tests.e2e.test_fleet_page import NAMES
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

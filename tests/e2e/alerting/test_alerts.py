@@ -10,9 +10,9 @@ from playwright.sync_api import Page, expect
 
 from gateway.domain.principal import Role
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.fake_gateway import FakeGateway, account
+from tests.e2e.fake.gateway import FakeGateway, account
+from tests.e2e.fleet.test_fleet_page import PROBE
 from tests.e2e.readable import unreadable
-from tests.e2e.test_fleet_page import PROBE
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -190,7 +190,7 @@ def test_silences_are_made_seen_and_ended(gateway: FakeGateway, open_page: OpenP
     hot = gateway.alerts.heat(gateway.robots[0])
     page = open_page(f"{gateway.url}/alerts/{hot['id']}")
     page.get_by_role("button", name="Silence for 8 h").click()
-    expect(page.locator(".alert-note")).to_contain_text("Nobody is told of it")
+    expect(page.locator(".alert-note")).to_contain_text("Nobody is notified of it")
     assert gateway.alerts.silences[0]["causes"] == ["heat"]
     page.get_by_role("link", name="silence", exact=True).click()
     row = page.locator("[data-silence]")
@@ -251,7 +251,7 @@ def test_learning_says_how_far_it_is(gateway: FakeGateway, open_page: OpenPage) 
     expect(page.locator("[data-learning=sim_2]")).to_be_visible()
 
 
-def test_a_viewer_looks_and_is_told_who_may_do_something(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_a_viewer_looks_and_is_reported_who_may_do_something(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.account = account(Role.VIEWER)
     hot = gateway.alerts.heat(gateway.robots[0])
     page = open_page(f"{gateway.url}/alerts/{hot['id']}")

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from gateway.main import Ready
-from tests.e2e.real_gateway import real_gateway
+from tests.e2e.real.gateway import real_gateway
 from tests.gateway.harness import ScriptedAgent
 
 pytestmark = [
@@ -29,7 +29,7 @@ async def silent(ready: Ready, stack: AsyncExitStack) -> None:
 
 
 def test_a_robot_that_goes_away_is_an_alert(tmp_path: Path, open_page: Callable[..., Page]) -> None:
-    with real_gateway(tmp_path, robot=False, crowd=silent, heartbeat_s=0.5) as gateway:
+    with real_gateway(tmp_path, robot=False, more_robots=silent, heartbeat_s=0.5) as gateway:
         gateway.ask("PUT", "/alert-checks/offline", {"for_s": 1.0, "clear_s": 1.0})
         page = open_page(f"{gateway.url}/alerts", link=gateway.link())
         row = page.locator("[data-alert-row]")
@@ -41,6 +41,6 @@ def test_a_robot_that_goes_away_is_an_alert(tmp_path: Path, open_page: Callable[
         page.get_by_role("button", name="Comment").click()
         expect(page.locator("[data-remark=comment]")).to_contain_text("its battery is out")
         page.get_by_role("button", name="Silence for 1 h").click()
-        expect(page.locator(".alert-note")).to_contain_text("Nobody is told of it")
+        expect(page.locator(".alert-note")).to_contain_text("Nobody is notified of it")
         page.goto(f"{gateway.url}/alerts/silences")
         expect(page.locator("[data-silence]")).to_contain_text("sim_2 · offline")

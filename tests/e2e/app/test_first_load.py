@@ -10,9 +10,9 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Page, Response, expect
 
-from gateway.api.views_identity import account_view
+from gateway.api.views.identity import account_view
 from gateway.domain.principal import Role, anonymous_viewer
-from tests.e2e.fake_gateway import FakeGateway, account
+from tests.e2e.fake.gateway import FakeGateway, account
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

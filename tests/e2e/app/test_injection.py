@@ -10,9 +10,9 @@ from playwright.sync_api import Page, expect
 
 from gateway.domain.principal import Role
 from tests.e2e.conftest import save
-from tests.e2e.fake_gateway import FakeGateway, account
-from tests.e2e.fake_world import QUIET, FakeRobot
-from tests.e2e.real_gateway import real_gateway
+from tests.e2e.fake.gateway import FakeGateway, account
+from tests.e2e.fake.robots import QUIET, FakeRobot
+from tests.e2e.real.gateway import real_gateway
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

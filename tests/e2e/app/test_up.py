@@ -25,7 +25,7 @@ from playwright.sync_api import Page, expect
 from tests.e2e.chromium import sign_in
 from tests.e2e.conftest import PHONE, save
 from tests.support.ports import free_port
-from tests.support.processes import END_S, end
+from tests.support.processes.processes import END_S, end
 from tests.support.waiting import wait_until
 
 pytestmark = [
@@ -154,7 +154,7 @@ def test_fleet_shows_three_robots_with_live_values(up: Up, open_page: OpenPage) 
         expect(page.locator(f"tr[data-robot={name}] [data-label=Speed]")).to_contain_text("m/s")
     host = page.locator("tr[data-robot]:not([data-robot^=sim_])")
     expect(host.locator("[data-label=CPU]")).to_contain_text("%")
-    save(page, "fleet-desk")
+    save(page, "fleet-desktop")
     phone = open_page(up.url, size=PHONE, touch=True)
     expect(phone.locator("tr[data-robot]")).to_have_count(3)
     save(phone, "fleet-phone")
@@ -168,7 +168,7 @@ def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage
     expect(page.locator("[data-card=plot]", has_text="Battery voltage").locator("canvas")).to_be_visible()
     expect(page.locator("[data-card=imu] canvas")).to_be_visible()
     page.wait_for_function(f"was => JSON.stringify({POSE}) !== was", arg=json.dumps(page.evaluate(POSE)))
-    save(page, "robot-desk")
+    save(page, "robot-desktop")
     phone = open_page(f"{up.url}/robots/sim_1", size=PHONE, touch=True)
     phone.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
     save(phone, "robot-phone")
@@ -245,7 +245,7 @@ def test_page_and_link_recover_when_the_gateway_is_killed(up: Up, open_page: Ope
     expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
     expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date")
     assert up.robot("sim_1")["counts"]["lost"] == 0
-    save(page, "link-desk")
+    save(page, "link-desktop")
     slider = page.get_by_label("Byte budget of the uplink")
     slider.focus()
     slider.press("Home")

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Page
 
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real.gateway import RealGateway, real_gateway
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

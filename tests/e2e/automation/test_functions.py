@@ -11,9 +11,9 @@ from playwright.sync_api import Page, expect
 
 from gateway.domain.principal import Role
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.fake_gateway import FakeGateway, account
+from tests.e2e.fake.gateway import FakeGateway, account
+from tests.e2e.fleet.test_fleet_page import PROBE
 from tests.e2e.readable import unreadable
-from tests.e2e.test_fleet_page import PROBE
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.real_gateway import real_gateway
-from tests.e2e.test_functions import zip_of
+from tests.e2e.automation.test_functions import zip_of
+from tests.e2e.real.gateway import real_gateway
 
 pytestmark = [
     pytest.mark.browser,

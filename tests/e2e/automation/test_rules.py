@@ -10,9 +10,9 @@ from playwright.sync_api import Page, expect
 
 from gateway.domain.principal import Role
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.fake_gateway import FakeGateway, account
+from tests.e2e.fake.gateway import FakeGateway, account
+from tests.e2e.fleet.test_fleet_page import PROBE
 from tests.e2e.readable import unreadable
-from tests.e2e.test_fleet_page import PROBE
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -120,7 +120,7 @@ def test_form_and_json_are_one_document(admin: FakeGateway, open_page: OpenPage)
     assert [target["id"] for target in document["targets"]] == ["dock"]
 
 
-def test_who_comes_second_is_told(admin: FakeGateway, open_page: OpenPage) -> None:
+def test_who_comes_second_is_reported(admin: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{admin.url}/rules/battery_low", clock=True)
     page.get_by_label("Below").fill("0.1")
     row = admin.rules.rows["battery_low"]

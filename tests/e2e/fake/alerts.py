@@ -12,9 +12,9 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query
 from fastapi.responses import JSONResponse, StreamingResponse
 
-from tests.e2e.fake_history import iso
-from tests.e2e.fake_recordings import FakeRecordings
-from tests.e2e.fake_world import FakeRobot
+from tests.e2e.fake.history import iso
+from tests.e2e.fake.recordings import FakeRecordings
+from tests.e2e.fake.robots import FakeRobot
 
 __all__ = ["FakeAlerts"]
 
@@ -88,11 +88,13 @@ class FakeAlerts:
 
     def tell(self, robot: str) -> None:
         """Count the robot's open alerts anew, and tell browsers that something changed."""
-        told = [row for row in self.rows if row["robot"] == robot and row["state"] != "resolved" and not row["quiet"]]
-        counts = {word: sum(row["severity"] == word for row in told) for word in ("error", "warning")}
+        reported = [
+            row for row in self.rows if row["robot"] == robot and row["state"] != "resolved" and not row["quiet"]
+        ]
+        counts = {word: sum(row["severity"] == word for row in reported) for word in ("error", "warning")}
         for one in self.robots:
             if one.id == robot:
-                one.alerts = {"open": len(told), **counts}
+                one.alerts = {"open": len(reported), **counts}
         self.changed += 1
 
     def heat(self, robot: FakeRobot, *, ago_s: float = 240.0, **more: Any) -> dict[str, Any]:
@@ -232,9 +234,9 @@ class FakeAlerts:
 
     async def _events(self, kind: str = "*") -> StreamingResponse:
         self.asked.append(("events", kind))
-        return StreamingResponse(self._told(), media_type="text/event-stream")
+        return StreamingResponse(self._reported(), media_type="text/event-stream")
 
-    async def _told(self) -> AsyncIterator[bytes]:
+    async def _reported(self) -> AsyncIterator[bytes]:
         yield b"retry: 2000\n\n"
         seen = self.changed
         while True:

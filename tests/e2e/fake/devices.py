@@ -11,7 +11,7 @@ from metaros.cdr import codec
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from metaros.interfaces.std_msgs.msg import Header
-from tests.e2e.fake_world import FakeRobot, FakeTopic
+from tests.e2e.fake.robots import FakeRobot, FakeTopic
 
 __all__ = ["DIAGNOSTICS", "Device", "DeviceRobot", "usual"]
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query, Request
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 
-from tests.e2e.fake_history import iso
+from tests.e2e.fake.history import iso
 
 __all__ = ["CODE", "FakeFunctions"]
 

@@ -21,21 +21,21 @@ from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse, Response
 from uvicorn.server import ServerState
 
-from gateway.api.static import Dashboard
-from gateway.api.views_identity import account_view
+from gateway.api.middleware.static import Dashboard
+from gateway.api.views.identity import account_view
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from metaros.clock import SystemClock
-from tests.e2e.fake_alerts import FakeAlerts
-from tests.e2e.fake_functions import FakeFunctions
-from tests.e2e.fake_graph import FakeGraph
-from tests.e2e.fake_history import FakeHistory
-from tests.e2e.fake_recordings import FakeRecordings
-from tests.e2e.fake_rules import FakeRules
-from tests.e2e.fake_world import FakeRobot, FakeTopic
+from tests.e2e.fake.alerts import FakeAlerts
+from tests.e2e.fake.functions import FakeFunctions
+from tests.e2e.fake.graph import FakeGraph
+from tests.e2e.fake.history import FakeHistory
+from tests.e2e.fake.recordings import FakeRecordings
+from tests.e2e.fake.robots import FakeRobot, FakeTopic
+from tests.e2e.fake.rules import FakeRules
 
 __all__ = ["STATIC", "FakeGateway", "account"]
 
-STATIC = Path(__file__).resolve().parents[2] / "gateway" / "static"
+STATIC = Path(__file__).resolve().parents[3] / "gateway" / "static"
 
 
 def account(role: Role, *, name: str = "ada") -> dict[str, Any]:
@@ -281,7 +281,7 @@ class FakeGateway:
 
 
 def _serve() -> None:
-    """`python -m tests.e2e.fake_gateway`: three robots on port 8090, to look at the pages."""
+    """`python -m tests.e2e.fake.gateway`: three robots on port 8090, to look at the pages."""
     robots = [
         FakeRobot("sim_1", "/sim_1"),
         FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14),

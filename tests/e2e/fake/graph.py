@@ -10,11 +10,11 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 
-from gateway.fleet.shapes import shape_of
+from gateway.fleet.ros.shapes import shape_of
 from metaros.errors import UnknownTypeError
 from metaros.idl import default_catalogue, type_hash
 from metaros.wire import qos_default, qos_sensor_data
-from tests.e2e.fake_world import TOPICS, FakeRobot
+from tests.e2e.fake.robots import TOPICS, FakeRobot
 
 __all__ = ["FakeGraph"]
 
@@ -47,6 +47,7 @@ class FakeGraph:
         self.published: list[dict[str, Any]] = []
         self.tickets: list[dict[str, Any]] = []
         self.known = True
+        self.healthy = False  # whether all gets through; then nobody drives
         self.actions: list[tuple[str, str]] = []  # with navigate
         self.goals: list[dict[str, Any]] = []
         self.goal_events: list[tuple[str, dict[str, Any]]] = []  # what is told of every goal, in order
@@ -76,8 +77,8 @@ class FakeGraph:
             out = [_end(robot, node_of(topic.name), *kind)] if topic.rate_hz or topic.name == "cmd_vel" else []
             into = [_end(robot, node, *kind) for node in READERS.get(topic.name, [])]
             if topic.name == "cmd_vel":
-                into = [_end(robot, "base", *kind)]
-            if topic.name == "note":  # it asks for more than is offered
+                into, out = [_end(robot, "base", *kind)], [] if self.healthy else out
+            if topic.name == "note" and not self.healthy:  # it asks for more than is offered
                 into = [_end(robot, "watchdog", topic.type, qos_default.encode())]
             row = {"topic": robot.topic(topic.name), "types": [topic.type], "publishers": out, "subscribers": into}
             topics.append(row)
@@ -120,7 +121,7 @@ class FakeGraph:
         if not self.goals_known:
             return JSONResponse({"code": "unknown_goal", "detail": "there is no such goal", "status": 404}, 404)
 
-        async def told() -> AsyncIterator[str]:
+        async def reported() -> AsyncIterator[str]:
             sent = 0
             while True:
                 for kind, event in self.goal_events[sent:]:
@@ -130,7 +131,7 @@ class FakeGraph:
                         return
                 await asyncio.sleep(0.02)
 
-        return StreamingResponse(told(), media_type="text/event-stream")
+        return StreamingResponse(reported(), media_type="text/event-stream")
 
     async def _cancel(self, robot_id: str, goal: str) -> dict[str, Any]:
         self.cancelled.append(goal)

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query
 from fastapi.responses import Response
 
-from tests.e2e.fake_world import FakeRobot, FakeTopic
+from tests.e2e.fake.robots import FakeRobot, FakeTopic
 
 __all__ = ["KEPT_HZ", "FakeHistory"]
 

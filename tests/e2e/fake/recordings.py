@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.responses import JSONResponse, Response
 
-from tests.e2e.fake_history import iso
+from tests.e2e.fake.history import iso
 
 __all__ = ["FakeRecordings"]
 

@@ -10,12 +10,12 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.responses import JSONResponse, Response
 
-from gateway.domain.rule import Maker
-from gateway.rules.document import read_rule
-from gateway.rules.errors import RuleInvalidError
-from metaros.rules.errors import RuleTextError
-from metaros.rules.schedule import Schedule
-from tests.e2e.fake_history import iso
+from gateway.automation.rules.document import read_rule
+from gateway.automation.rules.errors import RuleInvalidError
+from gateway.domain.automation.rule import Maker
+from metaros.automation.rules.errors import RuleTextError
+from metaros.automation.rules.schedule import Schedule
+from tests.e2e.fake.history import iso
 
 __all__ = ["FakeRules"]
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from metaros.cdr import codec
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.foxglove_msgs.msg import CompressedVideo
-from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+from tests.e2e.fake.robots import TOPICS, FakeRobot, FakeTopic
 
 __all__ = ["VIDEO", "VideoRobot"]
 

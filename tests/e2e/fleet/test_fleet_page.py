@@ -8,8 +8,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_world import FakeRobot
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.robots import FakeRobot
 from tests.e2e.readable import unreadable
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -75,7 +75,7 @@ def test_page_recovers_when_the_gateway_restarts(gateway: FakeGateway, open_page
 
 
 @pytest.mark.usefixtures("quiet")
-def test_names_and_messages_of_robots_are_inert(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_names_and_messages_of_robots_are_harmless(gateway: FakeGateway, open_page: OpenPage) -> None:
     evil = f'<img src=x onerror="{PROBE}">'
     gateway.robots[0].id = gateway.robots[0].note = evil
     page = open_page(gateway.url)

@@ -10,12 +10,12 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from gateway.main import Ready
-from tests.e2e.conftest import DESK, PHONE, save
+from tests.e2e.conftest import DESKTOP, PHONE, save
 from tests.e2e.readable import unreadable
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real.gateway import RealGateway, real_gateway
 from tests.gateway.harness import ScriptedAgent
-from tests.support.releases import signed_release, start_signing
-from tests.support.story_robot import MARK, Defects, StoryRobot
+from tests.support.deployment.releases import signed_release, start_signing
+from tests.support.robots.scripted_robot import MARK, Defects, StoryRobot
 
 pytestmark = [
     pytest.mark.browser,
@@ -54,11 +54,11 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
     """Three robots that never do what they are told, and the version 2.0.0; ada is an admin, bo an operator."""
     folder = tmp_path_factory.mktemp("office")
 
-    async def crowd(ready: Ready, stack: AsyncExitStack) -> None:
+    async def more_robots(ready: Ready, stack: AsyncExitStack) -> None:
         for name in ("sim_2", "sim_3"):
             await stack.enter_async_context(ScriptedAgent(ready, name, session=name.encode().ljust(16)))
 
-    with real_gateway(folder, crowd=crowd) as running:
+    with real_gateway(folder, more_robots=more_robots) as running:
         running.user("ada", "admin")
         running.user("bo", "operator")
         made = Fleet(running, folder / "people", Defects())
@@ -81,11 +81,11 @@ def fleet(tmp_path: Path) -> Iterator[Fleet]:
     """Eight robots of one yard; ada is an admin, bo an operator. Of a version with a defect the third trial fails."""
     defects = Defects(good_trials=2, bad_trials=1)
 
-    async def crowd(ready: Ready, stack: AsyncExitStack) -> None:
+    async def more_robots(ready: Ready, stack: AsyncExitStack) -> None:
         for name in ROBOTS:
             await stack.enter_async_context(StoryRobot(ready, name, tmp_path / "robots" / name, defects))
 
-    with real_gateway(tmp_path, crowd=crowd) as running:
+    with real_gateway(tmp_path, more_robots=more_robots) as running:
         running.user("ada", "admin")
         running.user("bo", "operator")
         for place, name in enumerate(ROBOTS):
@@ -150,10 +150,10 @@ def test_a_rollout_halts_by_itself_and_is_mended(fleet: Fleet, open_page: OpenPa
     expect(wave(page, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
     expect(wave(page, 3)).to_have_attribute("aria-label", "Wave 3: 2 waiting")
     expect(page.locator("tr[data-member]").first).to_have_attribute("data-member", bad)
-    faults = unreadable(page, "halted, desk", shot="rollouts-halted")
+    faults = unreadable(page, "halted, desktop", shot="rollouts-halted")
     page.set_viewport_size(PHONE)  # type: ignore[arg-type]
     assert faults + unreadable(page, "halted, phone", shot="rollouts-halted-phone") == []
-    page.set_viewport_size(DESK)  # type: ignore[arg-type]
+    page.set_viewport_size(DESKTOP)  # type: ignore[arg-type]
     page.get_by_role("button", name="failed 1").click()
     expect(page.locator("tr[data-member]")).to_have_count(1)
     assert page.url.endswith("?state=failed")
@@ -264,10 +264,10 @@ def withdraw_a_version(fleet: Fleet, open_page: OpenPage) -> None:
 def test_it_fits_a_phone_and_can_be_read(idle: Fleet, open_page: OpenPage) -> None:
     fleet = idle
     rid = fleet.start("2.0.0", selector="robot in (sim_1, sim_2)", waves=["1", "1"], health_s=600.0)
-    desk = page_of(fleet, open_page, f"/rollouts/{rid}")
+    desktop = page_of(fleet, open_page, f"/rollouts/{rid}")
     phone = page_of(fleet, open_page, size=PHONE, touch=True)
     faults = []
-    for page, word in ((desk, "desk"), (phone, "phone")):
+    for page, word in ((desktop, "desktop"), (phone, "phone")):
         for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
             page.goto(fleet.gateway.url + path)
             expect(page.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
@@ -278,7 +278,7 @@ def test_it_fits_a_phone_and_can_be_read(idle: Fleet, open_page: OpenPage) -> No
     assert faults + unreadable(phone, "start", shot="rollouts-start-phone") == []
 
 
-def test_markup_in_labels_and_reasons_is_inert(idle: Fleet, open_page: OpenPage) -> None:
+def test_markup_in_labels_and_reasons_is_harmless(idle: Fleet, open_page: OpenPage) -> None:
     fleet = idle
     rid = fleet.start("2.0.0", selector="robot=sim_1", health_s=600.0)
     fleet.gateway.ask("POST", f"/rollouts/{rid}/pause", {"reason": "<img src=x onerror='window.__ran=1'>"})

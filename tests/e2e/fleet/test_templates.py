@@ -8,9 +8,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.living_robot import LivingRobot, living_robot
 from tests.e2e.readable import unreadable
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real.gateway import RealGateway, real_gateway
+from tests.e2e.real.scripted_robot import ScriptedRobot, scripted_robot
 from tests.support.waiting import wait_until
 
 pytestmark = [
@@ -42,10 +42,10 @@ def gateway(served: RealGateway) -> Iterator[RealGateway]:
 
 
 @pytest.fixture
-def robot(gateway: RealGateway, request: pytest.FixtureRequest) -> Iterator[LivingRobot]:
+def robot(gateway: RealGateway, request: pytest.FixtureRequest) -> Iterator[ScriptedRobot]:
     """A robot of the test's own, at the lab as long as it is there."""
     name = f"arm_{request.node.name.removeprefix('test_')}"
-    with living_robot(gateway.ready, name) as lives:
+    with scripted_robot(gateway.ready, name) as lives:
         gateway.ask("PATCH", f"/robots/{name}/labels", {"labels": {"site": "lab"}})
         yield lives
         gateway.ask("PATCH", f"/robots/{name}/labels", {"labels": {"site": None}})
@@ -58,7 +58,7 @@ def opened(gateway: RealGateway, open_page: OpenPage, name: str = "ada", **optio
     return page
 
 
-def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     page = opened(gateway, open_page)
     page.get_by_role("button", name="New template…").click()
     editor = page.locator("[data-card=template]")
@@ -105,7 +105,7 @@ def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPa
     wait_until(lambda: not robot.document.get("topics"))
 
 
-def test_its_history_leads_back(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_its_history_leads_back(gateway: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     for bytes_per_s in (9000, 70_000):
         body = {"selector": "site=lab", "document": {"budget": {"bytes_per_s": bytes_per_s}}}
         gateway.ask("PUT", f"/templates/uplink?reason=to+{bytes_per_s}", body)
@@ -127,7 +127,7 @@ def test_its_history_leads_back(gateway: RealGateway, open_page: OpenPage, robot
     expect(page.locator("[data-template=uplink]")).to_contain_text("back to revision")
 
 
-def test_who_was_overtaken_is_told(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_who_was_overtaken_is_reported(gateway: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     gateway.ask("PUT", "/templates/camera-rate", {"selector": "site=lab", "document": {}})
     page = opened(gateway, open_page)
     page.get_by_role("button", name="Edit camera-rate").click()

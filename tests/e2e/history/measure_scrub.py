@@ -1,4 +1,6 @@
-"""`python -m tests.e2e.measure_scrub`: how long scrubbing an hour of three robots takes, on a real gateway in Chromium.
+"""How long scrubbing an hour of three robots takes, on a real gateway in Chromium.
+
+    python -m tests.e2e.history.measure_scrub
 
 Prints the time from the release of the cursor to the frame in which plots and scan of the new instant are painted.
 """
@@ -16,9 +18,9 @@ from playwright.sync_api import Page, sync_playwright
 
 from metaros.clock import SystemClock
 from tests.e2e.conftest import ARGUMENTS, CHROMIUM, ROOT
-from tests.e2e.fake_world import FakeRobot
-from tests.e2e.past_hour import write_past
-from tests.support.stack import Stack
+from tests.e2e.fake.robots import FakeRobot
+from tests.e2e.history.past_hour import write_past
+from tests.support.processes.stack import Stack
 
 HOUR_S = 3600
 SIZE = {"width": 1280, "height": 900}

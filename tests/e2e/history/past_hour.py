@@ -11,14 +11,14 @@ import numpy as np
 from gateway.domain.channel import Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
-from gateway.objects import open_objects
 from gateway.store import RobotWrite, Store, StreamWrite, WriterWrite
+from gateway.store.objects import open_objects
 from gateway.store.retention import Retention
 from metaros.clock import SystemClock
 from metaros.idl import schema_text, type_hash
 from metaros.link import SampleColumns
-from tests.e2e.fake_history import KEPT_HZ
-from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+from tests.e2e.fake.history import KEPT_HZ
+from tests.e2e.fake.robots import TOPICS, FakeRobot, FakeTopic
 
 __all__ = ["write_past"]
 

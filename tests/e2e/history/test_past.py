@@ -9,12 +9,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from metaros.clock import SystemClock
-from tests.e2e.fake_world import FakeRobot
-from tests.e2e.past_hour import write_past
-from tests.e2e.real_gateway import real_stack
-from tests.e2e.test_robot_page import CAMERA, MAP, wait_for_data
-from tests.e2e.test_time_bar import LINE, PLOT, drag, stamp, wait_for_instant
-from tests.support.stack import Stack
+from tests.e2e.fake.robots import FakeRobot
+from tests.e2e.history.past_hour import write_past
+from tests.e2e.history.test_time_bar import LINE, PLOT, drag, stamp, wait_for_instant
+from tests.e2e.real.gateway import real_stack
+from tests.e2e.robot.test_robot_page import CAMERA, MAP, wait_for_data
+from tests.support.processes.stack import Stack
 
 pytestmark = [
     pytest.mark.browser,

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE
-from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake.gateway import FakeGateway
 from tests.e2e.readable import unreadable
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.e2e.real_gateway import real_stack
+from tests.e2e.real.gateway import real_stack
 from tests.support.data import data_set
 from tests.support.waiting import wait_until
 

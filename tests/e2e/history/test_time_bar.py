@@ -11,10 +11,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_history import iso
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.history import iso
 from tests.e2e.readable import unreadable
-from tests.e2e.test_robot_page import CAMERA, MAP, wait_for_data
+from tests.e2e.robot.test_robot_page import CAMERA, MAP, wait_for_data
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]

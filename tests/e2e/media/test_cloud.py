@@ -16,10 +16,10 @@ from playwright.sync_api import Page, expect
 from metaros.cdr import codec
 from metaros.convert import numpy_to_points, numpy_to_quantized
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_history import KEPT_HZ
-from tests.e2e.fake_world import FakeRobot, FakeTopic
-from tests.e2e.test_time_bar import at
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.history import KEPT_HZ
+from tests.e2e.fake.robots import FakeRobot, FakeTopic
+from tests.e2e.history.test_time_bar import at
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]

@@ -13,10 +13,10 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.chromium import Chromium, sign_in
 from tests.e2e.conftest import save
-from tests.e2e.real_gateway import real_stack
-from tests.support.alsa import MIC, SPEAKER, Alsa, strongest_hz, tone
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket
+from tests.e2e.real.gateway import real_stack
+from tests.support.devices.alsa import MIC, SPEAKER, Alsa, strongest_hz, tone
+from tests.support.gateways.viewer import open_socket
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = [
@@ -107,7 +107,7 @@ def silent(alsa: Alsa) -> bool:
 
 
 @pytest.mark.parametrize("codec", ["opus", "pcm-s16"])
-def test_what_is_said_into_the_page_is_heard(
+def test_what_is_said_into_the_page_is_received(
     stack: Stack, alsa: Alsa, robot_page: Callable[..., Page], codec: str
 ) -> None:
     page = robot_page(init="" if codec == "opus" else "delete window.AudioEncoder")
@@ -118,11 +118,11 @@ def test_what_is_said_into_the_page_is_heard(
     page.mouse.down()
     expect(row).to_have_attribute("data-talk", "talking")
 
-    def heard_hz() -> float:
+    def received_hz() -> float:
         page.wait_for_timeout(100)
         return strongest_hz(alsa.played()[before:], RATE)[0]
 
-    wait_until(lambda: abs(heard_hz() - HZ) < 5)
+    wait_until(lambda: abs(received_hz() - HZ) < 5)
     save(page, "talk")
     with open_socket(stack.url, "/api/v1/robots/r1/talk", key=stack.key) as other:
         other.send(json.dumps({"op": "take", "holder": "bob", "codec": codec, "sample_rate": RATE}))

@@ -8,10 +8,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.chromium import INSECURE_HOST
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_video import VideoRobot
-from tests.e2e.test_robot_page import CAMERA, COLOURS, wait_for_data
-from tests.e2e.test_time_bar import at, wait_for_instant
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.video import VideoRobot
+from tests.e2e.history.test_time_bar import at, wait_for_instant
+from tests.e2e.robot.test_robot_page import CAMERA, COLOURS, wait_for_data
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]

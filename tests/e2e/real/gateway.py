@@ -16,10 +16,10 @@ from gateway.main import Ready, serve
 from gateway.settings import Settings
 from metaros._proto import link_pb2
 from tests.gateway.harness import ScriptedAgent, channel
-from tests.support.key_ring import bearer
-from tests.support.plain_http import TRUSTS_NOBODY
-from tests.support.quick_passwords import make_quick
-from tests.support.stack import Stack
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.quick_passwords import make_quick
+from tests.support.processes.stack import Stack
 
 __all__ = ["PASSWORD", "RealGateway", "real_gateway", "real_stack", "send"]
 
@@ -31,7 +31,7 @@ BEAT_S = 3.0  # after 15 s of silence a link counts as dead
 
 
 Obey = Callable[[ScriptedAgent], Coroutine[Any, Any, None]]
-Crowd = Callable[[Ready, AsyncExitStack], Awaitable[None]]
+MoreRobots = Callable[[Ready, AsyncExitStack], Awaitable[None]]
 
 
 class RealGateway:
@@ -72,11 +72,16 @@ def send(
 
 @contextmanager
 def real_gateway(
-    folder: Path, *, robot: bool = True, obey: Obey | None = None, crowd: Crowd | None = None, **settings: Any
+    folder: Path,
+    *,
+    robot: bool = True,
+    obey: Obey | None = None,
+    more_robots: MoreRobots | None = None,
+    **settings: Any,
 ) -> Iterator[RealGateway]:
     """A gateway on free ports with a robot, ended with the block. Rates of sign-ins are off unless given.
 
-    `obey` is what the robot does with its frames, by default it says yes to every command. `crowd` brings more robots.
+    `obey` is what the robot does with its frames, by default it says yes to every command. `more_robots` adds some.
     Without `robot` nobody is linked.
     """
     started: list[RealGateway] = []
@@ -96,8 +101,8 @@ def real_gateway(
                     sim_1 = await stack.enter_async_context(ScriptedAgent(found))
                     await sim_1.announce(channel(1, "/sim_1/cmd_vel", "geometry_msgs/msg/Twist"))
                     lives = [group.create_task((obey or _obey)(sim_1)), group.create_task(_beat(sim_1))]
-                if crowd is not None:
-                    await crowd(found, stack)
+                if more_robots is not None:
+                    await more_robots(found, stack)
                 started.append(RealGateway(found, lambda: loop.call_soon_threadsafe(stop.set)))
                 up.set()
                 await stop.wait()

@@ -14,19 +14,19 @@ from typing import Any, Literal
 
 from gateway.main import Ready
 from metaros._proto import link_pb2
-from metaros.twin import digest
-from tests.e2e.real_gateway import Obey, RealGateway
+from metaros.fleet.twin import digest
+from tests.e2e.real.gateway import Obey, RealGateway
 from tests.gateway.harness import CONTROL, ScriptedAgent
 from tests.support.waiting import wait_until
 
-__all__ = ["LivingRobot", "living_robot", "robot_that_left"]
+__all__ = ["ScriptedRobot", "robot_that_left", "scripted_robot"]
 
 STARTED_S = 60.0
 BEAT_S = 3.0  # after 15 s of silence a link counts as dead
 Mood = Literal["take", "linger", "refuse", "revert"]
 
 
-class LivingRobot:
+class ScriptedRobot:
     """What a test says of it. `answer` gets a command and gives its payload, or (code, "") for a refusal."""
 
     def __init__(self, name: str) -> None:
@@ -109,15 +109,15 @@ class LivingRobot:
 
 def robot_that_left(gateway: RealGateway, name: str) -> None:
     """It was linked once, and the gateway knows that it is not any more."""
-    with living_robot(gateway.ready, name):
+    with scripted_robot(gateway.ready, name):
         pass
     wait_until(lambda: gateway.ask("GET", f"/robots/{name}")["state"] == "offline")
 
 
 @contextmanager
-def living_robot(ready: Ready, name: str, *, obey: Obey | None = None) -> Iterator[LivingRobot]:
+def scripted_robot(ready: Ready, name: str, *, obey: Obey | None = None) -> Iterator[ScriptedRobot]:
     """Linked for the length of the block; `obey` is what it does with its frames instead of all that is said above."""
-    robot, up, stop = LivingRobot(name), threading.Event(), asyncio.Event()
+    robot, up, stop = ScriptedRobot(name), threading.Event(), asyncio.Event()
     failed: list[BaseException] = []
 
     async def run() -> None:

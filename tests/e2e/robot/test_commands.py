@@ -14,9 +14,9 @@ from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.living_robot import living_robot, robot_that_left
 from tests.e2e.readable import unreadable
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real.gateway import RealGateway, real_gateway
+from tests.e2e.real.scripted_robot import robot_that_left, scripted_robot
 from tests.gateway.harness import CONTROL, ScriptedAgent, channel
 
 pytestmark = [
@@ -75,7 +75,7 @@ def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
 def worker(gateway: RealGateway) -> Iterator[Worker]:
     """A robot of the test's own that obeys."""
     made = Worker(f"arm_{next(NUMBERS)}")
-    with living_robot(gateway.ready, made.name, obey=made.obey):
+    with scripted_robot(gateway.ready, made.name, obey=made.obey):
         yield made
         made.go_on.set()  # nothing waits for ever
 
@@ -116,7 +116,7 @@ def rows(page: Page) -> Locator:
 
 def test_a_service_is_called_and_its_answer_kept(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
     page = commands_of(gateway, open_page, worker.name)
-    expect(page.locator(".nothing")).to_contain_text("was not told anything")
+    expect(page.locator(".nothing")).to_contain_text("got no command")
     dialog = form(page)
     save(page, "commands-form")
     dialog.get_by_label("Service", exact=True).fill(f"/{worker.name}/base/resume")
@@ -201,7 +201,7 @@ def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, absent: s
     gateway.ask("POST", f"/robots/{absent}/commands", order)
     page = commands_of(gateway, open_page, absent)
     expect(rows(page)).to_have_attribute("data-state", "issued")
-    with living_robot(gateway.ready, absent) as back:
+    with scripted_robot(gateway.ready, absent) as back:
         expect(rows(page)).to_have_attribute("data-state", "done")
         assert len(back.commands) == 1
 
@@ -276,9 +276,9 @@ def test_it_fits_a_phone_and_can_be_read(gateway: RealGateway, worker: Worker, o
     gateway.ask("POST", f"/robots/{worker.name}/commands", call)
     gateway.ask("POST", f"/robots/{worker.name}/commands", {**call, "request": {"service": "/broken", "type": TRIGGER}})
     gateway.ask("POST", f"/robots/{worker.name}/commands", {"kind": "set_uplink", "request": {"bytes_per_s": None}})
-    desk = commands_of(gateway, open_page, worker.name)
-    rows(desk).first.locator("summary").click()
-    faults = unreadable(desk, "desk", shot="commands-desk")
+    desktop = commands_of(gateway, open_page, worker.name)
+    rows(desktop).first.locator("summary").click()
+    faults = unreadable(desktop, "desktop", shot="commands-desktop")
     page = commands_of(gateway, open_page, worker.name, size=PHONE, touch=True)
     expect(rows(page)).to_have_count(3)
     rows(page).last.locator("summary").click()

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.e2e.conftest import DESK, PHONE
-from tests.e2e.living_robot import LivingRobot, living_robot
+from tests.e2e.conftest import DESKTOP, PHONE
 from tests.e2e.readable import save, unreadable
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real.gateway import RealGateway, real_gateway
+from tests.e2e.real.scripted_robot import ScriptedRobot, scripted_robot
 
 pytestmark = [
     pytest.mark.browser,
@@ -38,10 +38,10 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
 
 
 @pytest.fixture
-def robot(served: RealGateway, request: pytest.FixtureRequest) -> Iterator[LivingRobot]:
+def robot(served: RealGateway, request: pytest.FixtureRequest) -> Iterator[ScriptedRobot]:
     """A robot of each test's own."""
     name = PICTURED.get(request.node.name) or re.sub(r"\W+", "_", request.node.name)[-40:]
-    with living_robot(served.ready, name) as lives:
+    with scripted_robot(served.ready, name) as lives:
         yield lives
 
 
@@ -59,7 +59,7 @@ def standing(page: Page, step: str, revision: int) -> Locator:
     return card
 
 
-def test_desired_and_real_stand_side_by_side(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_desired_and_real_stand_side_by_side(served: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin?reason=first", ARM)
     lidar = {"state": "waiting", "values": {"rate_hz": 8.0, "frame": "laser"}, "message": "waits for the node"}
     robot.report(parameters={"/arm_1/lidar": lidar}, lifecycle={"/arm_1/lidar": {"state": "active"}})
@@ -79,7 +79,7 @@ def test_desired_and_real_stand_side_by_side(served: RealGateway, open_page: Ope
 
 
 def test_an_edit_is_tried_then_applied_and_the_robot_does_it(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name, who="ada")
@@ -111,7 +111,7 @@ def test_an_edit_is_tried_then_applied_and_the_robot_does_it(
 
 
 def test_json_is_edited_too_and_its_mistakes_are_named(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name)
@@ -138,7 +138,7 @@ def test_json_is_edited_too_and_its_mistakes_are_named(
     expect(page.locator("[data-field='budget.bytes_per_s'] input")).to_have_value("250000")
 
 
-def test_a_trial_counts_down_and_ends_well(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_a_trial_counts_down_and_ends_well(served: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     page = opened(served, open_page, robot.name)
     standing(page, "none", 0)
     robot.mood = "linger"
@@ -158,7 +158,7 @@ def test_a_trial_counts_down_and_ends_well(served: RealGateway, open_page: OpenP
 
 @pytest.mark.parametrize("mood", ["revert", "refuse"])
 def test_what_the_robot_did_not_keep_is_said_plainly_and_can_be_tried_again(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot, mood: str
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot, mood: str
 ) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name)
@@ -177,7 +177,7 @@ def test_what_the_robot_did_not_keep_is_said_plainly_and_can_be_tried_again(
     standing(page, "in_step", 3)
 
 
-def test_the_history_leads_back(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_the_history_leads_back(served: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     served.ask("PATCH", f"/robots/{robot.name}/twin", {"lifecycle": None, "budget": {"bytes_per_s": 99999}})
     page = opened(served, open_page, robot.name)
@@ -193,7 +193,9 @@ def test_the_history_leads_back(served: RealGateway, open_page: OpenPage, robot:
     assert robot.document == ARM
 
 
-def test_somebody_elses_change_is_not_overwritten(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_somebody_elses_change_is_not_overwritten(
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
+) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name)
     page.get_by_role("button", name="Edit", exact=True).click()
@@ -211,7 +213,7 @@ def test_somebody_elses_change_is_not_overwritten(served: RealGateway, open_page
 
 
 def test_what_templates_say_is_marked_changed_here_and_taken_away(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
     document = {"topics": {"scan": {"class": "live", "rate_hz": 5.0}, "imu": {"class": "bulk"}}}
     template = {"selector": f"robot={robot.name}", "document": document}
@@ -242,7 +244,7 @@ def test_what_templates_say_is_marked_changed_here_and_taken_away(
     served.ask("DELETE", "/templates/lab")
 
 
-def test_a_draft_outlives_a_look_at_another_tab(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_a_draft_outlives_a_look_at_another_tab(served: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name)
     page.get_by_role("button", name="Edit", exact=True).click()
@@ -256,7 +258,7 @@ def test_a_draft_outlives_a_look_at_another_tab(served: RealGateway, open_page: 
 
 
 def test_an_operator_changes_no_code_and_the_form_says_so(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", {"nodes": {"lidar": {"allowed": "lidar-driver", "nice": 0}}})
     page = opened(served, open_page, robot.name, who="ada")
@@ -279,9 +281,9 @@ def test_an_operator_changes_no_code_and_the_form_says_so(
 
 
 def test_several_robots_are_changed_at_once_after_their_names_were_seen(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
-    with living_robot(served.ready, f"{robot.name[:30]}_two") as other:
+    with scripted_robot(served.ready, f"{robot.name[:30]}_two") as other:
         page = opened(served, open_page, robot.name)
         page.get_by_role("button", name="Edit", exact=True).click()
         page.locator("[data-section=budget] select.add-key").evaluate("node => node.closest('details').open = true")
@@ -301,7 +303,7 @@ def test_several_robots_are_changed_at_once_after_their_names_were_seen(
 
 
 def test_a_viewer_sees_all_of_it_and_changes_nothing(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+    served: RealGateway, open_page: OpenPage, robot: ScriptedRobot
 ) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     served.ask("PATCH", f"/robots/{robot.name}/twin", {"lifecycle": None})
@@ -315,13 +317,13 @@ def test_a_viewer_sees_all_of_it_and_changes_nothing(
     expect(entry.get_by_role("button")).to_have_count(0)
 
 
-def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, robot: ScriptedRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin?reason=first", ARM)
     robot.report(parameters={"/arm_1/lidar": {"values": {"rate_hz": 8.0, "frame": "laser"}}})
     robot.mood = "revert"
     served.ask("PATCH", f"/robots/{robot.name}/twin?reason=less", {"budget": {"bytes_per_s": 20000}, "lifecycle": None})
     faults = []
-    for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
+    for size, touch, word in ((DESKTOP, False, "desktop"), (PHONE, True, "phone")):
         page = opened(served, open_page, robot.name, size=size, touch=touch)
         standing(page, "reverted", 2)
         faults += unreadable(page, word, shot=f"config-{word}", whole=True)

@@ -8,10 +8,10 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.conftest import PHONE
-from tests.e2e.fake_devices import Device, DeviceRobot, usual
-from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake.devices import Device, DeviceRobot, usual
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.history.test_time_bar import at
 from tests.e2e.readable import unreadable
-from tests.e2e.test_time_bar import at
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
@@ -118,7 +118,7 @@ def test_it_is_readable(gateway: FakeGateway, robot: DeviceRobot, open_page: Ope
     expect(page.locator("[data-device]")).to_have_count(6)
     page.locator("[data-device] summary").first.click()
     page.locator("[data-card=devices]").scroll_into_view_if_needed()
-    faults = unreadable(page, "desk", shot="devices-desk")
+    faults = unreadable(page, "desktop", shot="devices-desktop")
     page.set_viewport_size(PHONE)  # type: ignore[arg-type]
     page.locator("[data-card=devices]").scroll_into_view_if_needed()
     assert faults + unreadable(page, "phone", shot="devices-phone") == []

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.real_gateway import real_stack
-from tests.support.ld19_emulator import Ld19Emulator
-from tests.support.pty_device import PtyDevice
-from tests.support.serial_peer import answering
-from tests.support.stack import Stack
+from tests.e2e.real.gateway import real_stack
+from tests.support.devices.ld19_emulator import Ld19Emulator
+from tests.support.devices.pty_device import PtyDevice
+from tests.support.devices.serial_peer import answering
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = [

@@ -9,8 +9,8 @@ from itertools import combinations
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.e2e.conftest import DESK, PHONE
-from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.conftest import DESKTOP, PHONE
+from tests.e2e.fake.gateway import FakeGateway
 from tests.e2e.readable import unreadable
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -30,7 +30,7 @@ def vertex(page: Page, name: str) -> Locator:
     return page.locator(f"[data-vertex='/sim_1/{name}'][data-kind={kind}]")
 
 
-def test_all_stand_apart_arrows_lead_right_worries_are_said_and_a_search_narrows(
+def test_all_stand_apart_arrows_lead_right_problems_are_said_and_a_search_narrows(
     gateway: FakeGateway, open_page: OpenPage
 ) -> None:
     page = opened(gateway, open_page)
@@ -46,11 +46,11 @@ def test_all_stand_apart_arrows_lead_right_worries_are_said_and_a_search_narrows
     expect(page.locator(".graph-edge")).to_have_count(15)
     expect(page.locator(".graph-still")).to_have_count(2)  # nothing flows on cmd_vel
 
-    worries = page.locator(".graph-worries li")
-    expect(worries).to_have_count(1)
-    expect(worries).to_contain_text("best effort is offered, reliable is asked for")
+    problems = page.locator(".graph-problems li")
+    expect(problems).to_have_count(1)
+    expect(problems).to_contain_text("best effort is offered, reliable is asked for")
     expect(page.locator(".graph-broken")).to_have_attribute("data-edge", "topic /sim_1/note > node /sim_1/watchdog")
-    worries.get_by_role("button").click()
+    problems.get_by_role("button").click()
     expect(page.locator("[data-facts='/sim_1/note']")).to_be_visible()
 
     page.get_by_role("searchbox").fill("imu")
@@ -78,7 +78,7 @@ def test_what_is_chosen_shows_its_neighbours_and_is_in_the_address(gateway: Fake
 def test_a_robot_that_tells_no_graph_says_so(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.graph.known = False
     page = open_page(f"{gateway.url}/robots/sim_1?tab=graph")
-    expect(page.locator(".nothing")).to_contain_text("has not told its graph")
+    expect(page.locator(".nothing")).to_contain_text("has not reported its graph")
     page.goto(f"{gateway.url}/graph")
     expect(page.locator(".nothing")).to_contain_text("No robot")
 
@@ -90,13 +90,29 @@ def test_the_fleets_graphs_lead_to_each_robots(gateway: FakeGateway, open_page: 
     expect(cards).to_have_count(3)
     expect(cards.first).to_contain_text("8 topics")
     expect(cards.first.locator(".graph-mini")).to_have_count(16)
+    expect(page.locator(".count-attention")).to_have_text("3 with problems")
+    problem = "note /sim_1/watchdog hears nothing: best effort is offered, reliable is asked for"
+    expect(cards.first.get_by_role("list", name="Problems")).to_have_text(problem)
     page.get_by_role("link", name="sim_2").click()
     expect(page.locator("[data-vertex='/sim_2/odom']")).to_be_visible()
 
 
+def test_where_all_gets_through_there_is_no_problem_though_nobody_drives(
+    gateway: FakeGateway, open_page: OpenPage
+) -> None:
+    gateway.graph.healthy = True
+    page = open_page(f"{gateway.url}/graph")
+    expect(page.locator(".graph-card")).to_have_count(3)
+    expect(page.locator(".counts")).to_have_text("3 robotsno problems")
+    expect(page.get_by_role("list", name="Problems")).to_have_count(0)
+    page.get_by_role("link", name="sim_2").click()
+    expect(page.locator("[data-waiting]")).to_have_text("Subscribed, but published by nobody now: cmd_vel")
+    expect(page.get_by_role("list", name="Problems")).to_have_count(0)
+
+
 def test_it_fits_a_phone_and_can_be_read(gateway: FakeGateway, open_page: OpenPage) -> None:
     faults = []
-    for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
+    for size, touch, word in ((DESKTOP, False, "desktop"), (PHONE, True, "phone")):
         page = opened(gateway, open_page, size=size, touch=touch)
         faults += unreadable(page, word, shot=f"graph-{word}", whole=True)
         vertex(page, "planner").click()

@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE
-from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake.gateway import FakeGateway
 from tests.e2e.readable import unreadable
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -47,7 +47,7 @@ def test_backfill_is_seen_to_go_away(gateway: FakeGateway, open_page: OpenPage) 
     expect(card).to_contain_text("Up to date")
 
 
-def test_losses_are_told_with_their_reasons(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_losses_are_reported_with_their_reasons(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.robots[0].gaps = 2
     page = open_page(gateway.url + LINK)
     rows = page.locator(".gaps tbody tr")

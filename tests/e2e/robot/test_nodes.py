@@ -14,13 +14,13 @@ from playwright.sync_api import Locator, Page, expect
 from metaros._proto import link_pb2
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from tests.e2e.conftest import DESK, PHONE
-from tests.e2e.living_robot import LivingRobot, living_robot
+from tests.e2e.admin.test_admin import link
+from tests.e2e.conftest import DESKTOP, PHONE
 from tests.e2e.readable import save, unreadable
-from tests.e2e.real_gateway import RealGateway, real_gateway, real_stack
-from tests.e2e.test_admin import link
+from tests.e2e.real.gateway import RealGateway, real_gateway, real_stack
+from tests.e2e.real.scripted_robot import ScriptedRobot, scripted_robot
 from tests.support.waiting import wait_until
-from tests.system.test_nodes_from_afar import ROBOT, Afar
+from tests.system.nodes.test_remote_nodes import ROBOT, RemoteRobot
 
 pytestmark = [
     pytest.mark.browser,
@@ -33,11 +33,11 @@ OpenPage = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
-def afar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Afar]:
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RemoteRobot]:
     """Agent, supervisor and a lidar, all of them processes, and a gateway."""
     with real_stack(tmp_path_factory.mktemp("nodes")) as stack:
         stack.router()
-        found = Afar(stack)
+        found = RemoteRobot(stack)
         try:
             wait_until(lambda: stack.online() == {ROBOT}, timeout_s=120)
             found.on("PUT", "/lidar", {"allowed": "lidar-driver", "parameters": {"beams": 180}})
@@ -49,10 +49,10 @@ def afar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Afar]:
                 wait_until(lambda: running_pid(found.state) is None)
 
 
-def opened(afar: Afar, open_page: OpenPage, **query: str) -> Page:
+def opened(robot: RemoteRobot, open_page: OpenPage, **query: str) -> Page:
     """The tab, to an admin."""
     asked = "".join(f"&{name}={value}" for name, value in query.items())
-    page = open_page(f"{afar.stack.url}/robots/{ROBOT}?tab=nodes{asked}", link=link(afar.stack))
+    page = open_page(f"{robot.stack.url}/robots/{ROBOT}?tab=nodes{asked}", link=link(robot.stack))
     expect(page.locator("[data-node=lidar]")).to_be_visible()
     return page
 
@@ -64,33 +64,33 @@ def row(page: Page, node: str, state: str) -> Locator:
     return found
 
 
-def test_a_node_is_restarted_stopped_and_started(afar: Afar, open_page: OpenPage) -> None:
-    first = afar.runs("lidar")
-    page = opened(afar, open_page)
+def test_a_node_is_restarted_stopped_and_started(robot: RemoteRobot, open_page: OpenPage) -> None:
+    first = robot.runs("lidar")
+    page = opened(robot, open_page)
     lidar = row(page, "lidar", "running")
     expect(lidar).to_contain_text(str(first))
     lidar.get_by_role("button", name="Restart lidar").click()
     expect(page.get_by_role("status").filter(has_text="lidar was restarted.")).to_be_visible()
-    wait_until(lambda: afar.pid("lidar") not in (None, first), timeout_s=120)
-    expect(lidar).to_contain_text(str(afar.runs("lidar")))
+    wait_until(lambda: robot.pid("lidar") not in (None, first), timeout_s=120)
+    expect(lidar).to_contain_text(str(robot.runs("lidar")))
     lidar.get_by_role("button", name="Stop lidar").click()
     stopped = row(page, "lidar", "stopped")
     expect(stopped).to_have_attribute("data-step", "true")
-    assert afar.node("lidar")["desired"]["run"] is False, "it lasts"
+    assert robot.node("lidar")["desired"]["run"] is False, "it lasts"
     stopped.get_by_role("button", name="Start lidar").click()
     row(page, "lidar", "running")
 
 
-def test_the_log_is_followed_and_searched(afar: Afar, open_page: OpenPage) -> None:
-    pid = afar.runs("lidar")
-    page = opened(afar, open_page)
+def test_the_log_is_followed_and_searched(robot: RemoteRobot, open_page: OpenPage) -> None:
+    pid = robot.runs("lidar")
+    page = opened(robot, open_page)
     page.get_by_role("button", name="lidar", exact=True).click()
     log = page.get_by_role("log")
     expect(log).to_contain_text(f"lidar started as {pid}")
     expect(page.locator("[data-follow=live]")).to_be_visible()
-    afar.on("POST", "/lidar/restart", {})
-    wait_until(lambda: afar.pid("lidar") not in (None, pid), timeout_s=120)
-    expect(log).to_contain_text(f"lidar started as {afar.runs('lidar')}")  # it came by itself
+    robot.on("POST", "/lidar/restart", {})
+    wait_until(lambda: robot.pid("lidar") not in (None, pid), timeout_s=120)
+    expect(log).to_contain_text(f"lidar started as {robot.runs('lidar')}")  # it came by itself
     expect(log.locator(".log-line", has_text=f"started as {pid}")).to_have_count(1)
     page.get_by_label("Search the log").fill(f"STARTED as {pid}")
     expect(log.locator(".log-line")).to_have_count(1)
@@ -99,9 +99,9 @@ def test_the_log_is_followed_and_searched(afar: Afar, open_page: OpenPage) -> No
     expect(log).to_contain_text("No line holds")
 
 
-def test_parameters_are_typed_bounded_set_and_kept(afar: Afar, open_page: OpenPage) -> None:
-    afar.runs("lidar")
-    page = opened(afar, open_page, node="lidar", view="parameters")
+def test_parameters_are_typed_bounded_set_and_kept(robot: RemoteRobot, open_page: OpenPage) -> None:
+    robot.runs("lidar")
+    page = opened(robot, open_page, node="lidar", view="parameters")
     rate, serial = page.locator("[data-parameter=rate_hz]"), page.locator("[data-parameter=serial]")
     expect(rate).to_contain_text("1 to 20")
     expect(rate).to_contain_text("turns a second")
@@ -119,14 +119,14 @@ def test_parameters_are_typed_bounded_set_and_kept(afar: Afar, open_page: OpenPa
     page.get_by_role("button", name="Set 2 values").click()
     expect(page.get_by_role("button", name="Set", exact=True)).to_be_disabled()
     expect(page.locator(".parameter-changed")).to_have_count(0)
-    values = {item["name"]: item for item in afar.on("GET", "/lidar/parameters")["parameters"]}
+    values = {item["name"]: item for item in robot.on("GET", "/lidar/parameters")["parameters"]}
     assert (values["rate_hz"]["value"], values["beams"]["value"]) == (12.0, 90)
     assert values["rate_hz"]["desired"] == 12.0
 
 
-def test_a_lifecycle_is_driven_step_by_step(afar: Afar, open_page: OpenPage) -> None:
-    afar.runs("lidar")
-    page = opened(afar, open_page, node="lidar", view="lifecycle")
+def test_a_lifecycle_is_driven_step_by_step(robot: RemoteRobot, open_page: OpenPage) -> None:
+    robot.runs("lidar")
+    page = opened(robot, open_page, node="lidar", view="lifecycle")
     expect(page.locator("[data-lifecycle=unconfigured]")).to_be_visible()
     page.get_by_role("button", name="Configure").click()
     expect(page.locator("[data-lifecycle=inactive]")).to_be_visible()
@@ -137,7 +137,7 @@ def test_a_lifecycle_is_driven_step_by_step(afar: Afar, open_page: OpenPage) -> 
     save(page, "nodes-lifecycle", whole=True)
     page.get_by_role("button", name="Shutdown").click()
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
-    assert afar.on("GET", "/lidar/lifecycle")["state"] == "active"
+    assert robot.on("GET", "/lidar/lifecycle")["state"] == "active"
 
 
 # -- a scripted robot: states that are hard to come by -----------------------------------------------------------------
@@ -198,8 +198,8 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
 
 
 @pytest.fixture(scope="module")
-def arm(served: RealGateway) -> Iterator[LivingRobot]:
-    with living_robot(served.ready, "arm_1") as robot:
+def arm(served: RealGateway) -> Iterator[ScriptedRobot]:
+    with scripted_robot(served.ready, "arm_1") as robot:
         robot.answer = answer
         robot.report(nodes=said(75.0))
         served.ask("PUT", "/robots/arm_1/twin", {"nodes": NODES})
@@ -212,7 +212,7 @@ def looked(gateway: RealGateway, open_page: OpenPage, *, who: str = "", query: s
     return page
 
 
-def test_what_is_not_as_desired_says_why(served: RealGateway, open_page: OpenPage, arm: LivingRobot) -> None:
+def test_what_is_not_as_desired_says_why(served: RealGateway, open_page: OpenPage, arm: ScriptedRobot) -> None:
     page = looked(served, open_page)
     lidar = row(page, "lidar", "running")
     expect(lidar).to_contain_text("critical")
@@ -229,7 +229,7 @@ def test_what_is_not_as_desired_says_why(served: RealGateway, open_page: OpenPag
 
 
 def test_a_critical_node_is_stopped_only_when_somebody_says_so_twice(
-    served: RealGateway, open_page: OpenPage, arm: LivingRobot
+    served: RealGateway, open_page: OpenPage, arm: ScriptedRobot
 ) -> None:
     page = looked(served, open_page)
     row(page, "lidar", "running").get_by_role("button", name="Stop lidar").click()
@@ -239,8 +239,8 @@ def test_a_critical_node_is_stopped_only_when_somebody_says_so_twice(
     assert "run" not in served.ask("GET", "/robots/arm_1/twin")["own"]["nodes"]["lidar"]
 
 
-def test_the_last_words_of_a_crash_are_there_and_inert(
-    served: RealGateway, open_page: OpenPage, arm: LivingRobot
+def test_the_last_words_of_a_crash_are_there_and_harmless(
+    served: RealGateway, open_page: OpenPage, arm: ScriptedRobot
 ) -> None:
     page = looked(served, open_page, query="&node=camera&view=crashes")
     crash = page.locator("[data-crash='77']")
@@ -253,7 +253,7 @@ def test_the_last_words_of_a_crash_are_there_and_inert(
     expect(page).to_have_url(re.compile(r"node=camera$"))
 
 
-def test_a_viewer_reads_and_does_nothing(served: RealGateway, open_page: OpenPage, arm: LivingRobot) -> None:
+def test_a_viewer_reads_and_does_nothing(served: RealGateway, open_page: OpenPage, arm: ScriptedRobot) -> None:
     page = looked(served, open_page, who="vic", query="&node=camera")
     expect(page.locator("[data-may-not]")).to_contain_text("vic is a viewer")
     expect(page.locator("[data-node] .cell-actions button")).to_have_count(0)
@@ -261,9 +261,9 @@ def test_a_viewer_reads_and_does_nothing(served: RealGateway, open_page: OpenPag
     expect(page.get_by_role("button", name="Send signal")).to_have_count(0)
 
 
-def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, arm: LivingRobot) -> None:
+def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, arm: ScriptedRobot) -> None:
     faults = []
-    for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
+    for size, touch, word in ((DESKTOP, False, "desktop"), (PHONE, True, "phone")):
         page = looked(served, open_page, query="&node=camera", size=size, touch=touch)
         expect(page.get_by_role("log")).to_contain_text("trying again")
         faults += unreadable(page, word, shot=f"nodes-{word}", whole=True)
@@ -271,7 +271,7 @@ def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPag
 
 
 def test_an_offline_robots_nodes_are_greyed_and_start_later(served: RealGateway, open_page: OpenPage) -> None:
-    with living_robot(served.ready, "gone_1") as robot:
+    with scripted_robot(served.ready, "gone_1") as robot:
         served.ask("PUT", "/robots/gone_1/twin", {"nodes": {"mapper": {"allowed": "mapper", "run": False}}})
         robot.report(nodes={"mapper": said(0)["mapper"]})
         wait_until(lambda: served.ask("GET", "/robots/gone_1/nodes")["nodes"][0]["state"] == "stopped")

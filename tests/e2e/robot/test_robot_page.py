@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_world import QUIET, TOPICS
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.robots import QUIET, TOPICS
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]

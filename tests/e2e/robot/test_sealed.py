@@ -12,8 +12,8 @@ from playwright.sync_api import Page, expect
 from metaros.clock import SystemClock
 from metaros.idl import type_hash
 from metaros.seal import SEALED_CDR, Keyring, Origin, Sealer, SealKey
-from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_world import QUIET, TOPICS, FakeRobot, FakeTopic
+from tests.e2e.fake.gateway import FakeGateway
+from tests.e2e.fake.robots import QUIET, TOPICS, FakeRobot, FakeTopic
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 PANELS = ("odom", "scan", "imu", "camera/image/compressed")
@@ -61,8 +61,8 @@ def ring() -> Keyring:
 @pytest.fixture(params=[("note",)], ids=["note"])
 def sealed(request: pytest.FixtureRequest, fake_gateway: FakeGateway, ring: Keyring) -> FakeGateway:
     """One robot with sealed topics: its note, or those that a test names."""
-    told = TOPICS if request.param == PANELS else QUIET
-    robot = SealedRobot("sim_1", "/sim_1", note="the safe is open", told=told)
+    reported = TOPICS if request.param == PANELS else QUIET
+    robot = SealedRobot("sim_1", "/sim_1", note="the safe is open", told=reported)
     robot.seal_with(ring, *request.param)
     fake_gateway.begin([robot])
     return fake_gateway

@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
 from gateway.domain.principal import Role
-from tests.e2e.conftest import DESK, PHONE
-from tests.e2e.fake_gateway import FakeGateway, account
+from tests.e2e.conftest import DESKTOP, PHONE
+from tests.e2e.fake.gateway import FakeGateway, account
 from tests.e2e.readable import save, unreadable
 from tests.support.waiting import wait_until
 
@@ -130,16 +130,16 @@ def test_a_goal_is_begun_followed_and_cancelled(gateway: FakeGateway, open_page:
     expect(status).to_contain_text("accepted")
     (begun,) = gateway.graph.goals
     assert (begun["action"], begun["goal"]) == ("/sim_1/count", {"order": 5})
-    told = gateway.graph.goal_events
-    told.append(("status", {"status": "executing"}))
-    told.append(("feedback", {"status": "executing", "feedback": {"sequence": [0, 1, 1]}}))
+    reported = gateway.graph.goal_events
+    reported.append(("status", {"status": "executing"}))
+    reported.append(("feedback", {"status": "executing", "feedback": {"sequence": [0, 1, 1]}}))
     expect(form.get_by_label("Feedback")).to_contain_text('"sequence"')
     expect(status).to_contain_text("executing · 1 message of feedback")
     expect(form.get_by_role("button", name="Under way")).to_be_disabled()
     save(page, "goal", whole=True)
     form.get_by_role("button", name="Cancel goal").click()
     wait_until(lambda: gateway.graph.cancelled == ["ab" * 16])
-    told.append(("result", {"status": "canceled", "result": {"sequence": [0, 1, 1, 2]}}))
+    reported.append(("result", {"status": "canceled", "result": {"sequence": [0, 1, 1, 2]}}))
     expect(form.get_by_label("Result")).to_contain_text("2")
     expect(status).to_contain_text("canceled")
     expect(form.get_by_role("button", name="Send goal")).to_be_enabled()
@@ -184,7 +184,7 @@ def test_a_goal_that_is_sent_again_for_want_of_an_answer_is_the_same_one(
     page.unroute_all(behavior="wait")
 
 
-def test_the_ends_and_the_type_are_told(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_the_ends_and_the_type_are_reported(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = opened(gateway, open_page, "&topic=/sim_1/scan&view=ends")
     view = page.locator(".topic-view")
     for said in ("planner", "mapper", "best effort", "none of it"):
@@ -234,7 +234,7 @@ def test_the_way_into_foxglove_carries_a_ticket_for_this_robot(gateway: FakeGate
 
 def test_it_fits_a_phone_and_can_be_read(gateway: FakeGateway, open_page: OpenPage) -> None:
     faults = []
-    for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
+    for size, touch, word in ((DESKTOP, False, "desktop"), (PHONE, True, "phone")):
         query = "&topic=/sim_1/odom&service=/sim_1/base/set_light"
         page = opened(gateway, open_page, query, size=size, touch=touch)
         expect(page.locator("[data-path='pose.pose.position.x']")).to_be_visible()

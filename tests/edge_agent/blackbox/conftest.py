@@ -21,4 +21,4 @@ def make_rig() -> Iterator[Callable[..., RingRig]]:
 
     yield make
     for rig in made:
-        rig.ring.close_piece()
+        rig.ring.close_file()

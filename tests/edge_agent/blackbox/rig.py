@@ -9,12 +9,12 @@ from typing import Any, BinaryIO
 
 from mcap.reader import make_reader
 
-from edge_agent.blackbox.box import Held
+from edge_agent.blackbox.box import RingSnapshot
+from edge_agent.blackbox.publisher import RecordedPublisher
 from edge_agent.blackbox.ring import Ring
-from edge_agent.blackbox.source import Source
-from edge_agent.channels import Channel, Channels
-from edge_agent.pipeline import Arrival
-from edge_agent.topics import TopicTable
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.pipeline import Arrival
 from metaros.clock import ManualClock
 from metaros.idl import type_hash
 from metaros.record.ledger import Publisher
@@ -72,7 +72,7 @@ class RingRig:
     free_bytes: int = TIB
     clock: ManualClock = field(default_factory=ManualClock)
     open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0)
-    sources: dict[str, Source] = field(default_factory=dict)
+    sources: dict[str, RecordedPublisher] = field(default_factory=dict)
     sequences: dict[str, int] = field(default_factory=dict)
     written: list[tuple[str, int, int, int, bytes]] = field(default_factory=list)
 
@@ -91,11 +91,11 @@ class RingRig:
         )
         return self.ring
 
-    def source(self, topic: str, **more: Any) -> Source:
+    def source(self, topic: str, **more: Any) -> RecordedPublisher:
         """The publisher of a topic."""
         if topic not in self.sources:
             gid = (len(self.sources) + 1).to_bytes(16, "big")
-            self.sources[topic] = Source(channel_of(topic, **more), Publisher(topic, STRING, gid))
+            self.sources[topic] = RecordedPublisher(channel_of(topic, **more), Publisher(topic, STRING, gid))
         return self.sources[topic]
 
     def put(self, topic: str, payload: bytes, **more: Any) -> None:
@@ -115,10 +115,10 @@ class RingRig:
                 self.clock.advance(0.1)
             self.ring.tick()
 
-    def held(self) -> Held:
+    def held(self) -> RingSnapshot:
         """Everything, as a reader gets it."""
         publishers = {(s.publisher.topic, s.publisher.gid): s.publisher for s in self.sources.values()}
-        return Held(self.ring.hold(), self.ring.latched_path, publishers)
+        return RingSnapshot(self.ring.hold(), self.ring.latched_path, publishers)
 
     def files(self) -> Iterator[Path]:
         """The ring's files, oldest first."""

@@ -10,14 +10,14 @@ import pytest
 
 from edge_agent.blackbox import box as box_module
 from edge_agent.blackbox.box import OVERHEAD_BYTES, BlackBox
-from edge_agent.blackbox.reading import records
+from edge_agent.blackbox.mcap_reader import records
 from edge_agent.blackbox.ring import Ring
-from edge_agent.blackbox.settings import BlackBoxSettings
+from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import BlackBoxOffError
 from metaros.clock import SystemClock
 from metaros.record.bag_index import read_index
 from tests.edge_agent.blackbox.rig import arrival, channel_of
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 MakeBox = Callable[..., BlackBox]
@@ -57,7 +57,7 @@ def held(box: BlackBox) -> list[tuple[str, int, bytes]]:
     try:
         return [
             (record.channel.topic, record.sequence, record.payload)
-            for piece in found.pieces
+            for piece in found.files
             for record in records(read_index(piece.path))
         ]
     finally:

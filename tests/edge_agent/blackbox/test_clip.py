@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2.storage_mcap import McapReader
 
-from edge_agent.blackbox.clip import Clip, Span, cut
+from edge_agent.blackbox.clip import Clip, Span, write_clip
 from edge_agent.errors import DiskFullError, NothingRecordedError
 from metaros.idl import catalogue_of, schema_text, type_hash
 from tests.edge_agent.blackbox.rig import SECOND, STRING, RingRig, read_clip, text
@@ -31,7 +31,7 @@ def span(from_ns: int, to_ns: int, *topics: str) -> Span:
 def clip_of(rig: RingRig, wanted: Span, path: Path) -> Clip:
     held = rig.held()
     try:
-        return cut(held, wanted, path, robot_id="r1")
+        return write_clip(held, wanted, path, robot_id="r1")
     finally:
         rig.ring.release()
 
@@ -116,7 +116,7 @@ def test_the_last_samples_of_latched_topics_come_first(make_rig: MakeRig, tmp_pa
     assert before.messages == 2 + 51
 
 
-def test_what_is_missing_is_told_with_its_reason(make_rig: MakeRig, tmp_path: Path) -> None:
+def test_what_is_missing_is_reported_with_its_reason(make_rig: MakeRig, tmp_path: Path) -> None:
     rig = make_rig(tmp_path / "ring")
     rig.run(2)
     source = rig.source("/odom")
@@ -177,7 +177,7 @@ def test_two_publishers_of_a_topic_share_a_channel_and_have_an_account_each(make
 def test_a_damaged_chunk_is_a_gap_and_the_rest_is_there(make_rig: MakeRig, tmp_path: Path) -> None:
     rig = make_rig(tmp_path / "ring")
     rig.run(9)
-    rig.ring.close_piece()
+    rig.ring.close_file()
     (path,) = rig.files()
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
@@ -211,5 +211,5 @@ def test_who_is_asked_now_and_then_can_end_it(make_rig: MakeRig, tmp_path: Path)
         raise DiskFullError("nearly full")
 
     with pytest.raises(DiskFullError):
-        cut(rig.held(), replace(span(0, 1 << 62)), tmp_path / "clip.mcap", robot_id="r", check=full)
+        write_clip(rig.held(), replace(span(0, 1 << 62)), tmp_path / "clip.mcap", robot_id="r", check=full)
     assert not (tmp_path / "clip.mcap").exists()

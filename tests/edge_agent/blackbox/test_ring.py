@@ -11,7 +11,7 @@ from typing import BinaryIO, cast
 
 import pytest
 
-from edge_agent.blackbox.reading import records
+from edge_agent.blackbox.mcap_reader import records
 from edge_agent.blackbox.ring import RETRY_S, free_floor
 from metaros.record.bag_index import read_index
 from tests.edge_agent.blackbox.rig import SECOND, RingRig
@@ -28,9 +28,9 @@ def stored(rig: RingRig) -> list[int]:
 def test_everything_is_there_in_order_with_its_stamps(make_rig: MakeRig, tmp_path: Path) -> None:
     rig = make_rig(tmp_path)
     rig.run(25)
-    pieces = rig.ring.hold()
-    assert len(pieces) == 3
-    found = [record for piece in pieces for record in records(read_index(piece.path))]
+    files = rig.ring.hold()
+    assert len(files) == 3
+    found = [record for piece in files for record in records(read_index(piece.path))]
     assert [(r.channel.topic, r.sequence, r.log_ns, r.publish_ns, r.payload) for r in found] == rig.written
     assert rig.ring.span_ns == (rig.written[0][2], rig.written[-1][2])
     assert rig.ring.lost == 0
@@ -62,11 +62,11 @@ def test_a_jump_of_the_clock_and_an_hour_without_an_agent_delete_nothing(make_ri
     rig.run(30)
     rig.clock.jump_wall(10 * 365 * 86400)
     rig.run(20)
-    rig.ring.close_piece()
+    rig.ring.close_file()
     rig.clock.advance(3600)
     rig.open()  # another process
     rig.run(5)
-    rig.ring.close_piece()
+    rig.ring.close_file()
     assert stored(rig) == list(range(1, 551))
 
 
@@ -82,7 +82,7 @@ def test_what_a_killed_agent_left_is_read_up_to_its_last_whole_chunk(make_rig: M
     assert stored(left) == list(range(1, 151))
     assert [piece.number for piece in left.ring.hold()] == [1, 2]
     left.put("/odom", b"more")
-    left.ring.close_piece()
+    left.ring.close_file()
     assert len(list(left.files())) == 3, "no file is written over"
 
 
@@ -149,7 +149,7 @@ def test_a_full_disk_costs_a_chunk_and_is_tried_again(
     rig.put("/blob", b"again")
     rig.ring.tick()
     assert rig.ring.trouble == ""
-    rig.ring.close_piece()
+    rig.ring.close_file()
     assert stored(rig)[-1] == last + 2
     publisher = rig.sources["/blob"].publisher
     assert publisher.reasons(last, last + 1) == {"disk": [[last, last + 1]]}
@@ -169,7 +169,7 @@ def test_on_a_nearly_full_disk_it_gives_its_files_back_and_stops(make_rig: MakeR
     rig.clock.advance(RETRY_S)
     rig.run(2)
     assert rig.ring.trouble == ""
-    rig.ring.close_piece()
+    rig.ring.close_file()
     assert stored(rig)[-20:] == list(range(rig.sequences["/odom"] - 19, rig.sequences["/odom"] + 1))
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from edge_agent.blackbox.box import BlackBox
+from edge_agent.blackbox.recording_store import RecordingStore
 from edge_agent.blackbox.ring import Ring
 from edge_agent.blackbox.saver import Saver, span_of
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.blackbox.shelf import Shelf
+from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import BlackBoxOffError, BusyError, DiskFullError, NothingRecordedError
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
@@ -32,7 +32,7 @@ def last_minute(number: int) -> link_pb2.SaveRecording:
     return link_pb2.SaveRecording(recording_id=ident(number), last_ns=60 * SECOND)
 
 
-class Desk:
+class Rig:
     """A black box with a few samples, a shelf, and a saver; `free_bytes` is what the disk says to the cut."""
 
     def __init__(self, folder: Path) -> None:
@@ -47,9 +47,9 @@ class Desk:
         self.box.start()
         channel = channel_of("/odom")
         self.box.take([arrival(channel, number, b"x") for number in range(1, 101)])
-        self.shelf = Shelf(folder / "recordings")
+        self.recordings = RecordingStore(folder / "recordings")
         self.saver = Saver(
-            self.box, self.shelf, self.clock, robot_id="r", free=self.free, changed=lambda: self.note_change()
+            self.box, self.recordings, self.clock, robot_id="r", free=self.free, changed=lambda: self.note_change()
         )
 
     def free(self) -> tuple[int, int]:
@@ -61,65 +61,67 @@ class Desk:
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Iterator[Desk]:
-    desk = Desk(tmp_path)
-    yield desk
-    desk.gate.set()
-    desk.box.close()
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    rig = Rig(tmp_path)
+    yield rig
+    rig.gate.set()
+    rig.box.close()
 
 
-async def test_a_recording_is_on_the_shelf_when_save_returns(desk: Desk) -> None:
-    await desk.saver.save(last_minute(1))
-    (saved,) = desk.shelf
-    assert (saved.recording_id, saved.messages, desk.changes) == (ident(1), 100, 1)
-    assert len(desk.shelf.read(ident(1), 0, saved.size_bytes)) == saved.size_bytes
-    await desk.saver.save(last_minute(1))
-    desk.shelf.remove(ident(1))
-    await desk.saver.save(last_minute(1))
-    assert list(desk.shelf) == [], "what the gateway has is not cut again"
+async def test_a_recording_is_on_the_shelf_when_save_returns(rig: Rig) -> None:
+    await rig.saver.save(last_minute(1))
+    (saved,) = rig.recordings
+    assert (saved.recording_id, saved.messages, rig.changes) == (ident(1), 100, 1)
+    assert len(rig.recordings.read(ident(1), 0, saved.size_bytes)) == saved.size_bytes
+    await rig.saver.save(last_minute(1))
+    rig.recordings.remove(ident(1))
+    await rig.saver.save(last_minute(1))
+    assert list(rig.recordings) == [], "what the gateway has is not cut again"
 
 
-async def test_calls_for_one_id_are_one_cut_and_others_wait_their_turn(desk: Desk) -> None:
-    desk.gate.clear()
-    calls = [asyncio.create_task(desk.saver.save(last_minute(number))) for number in (1, 1, 2, 3, 4)]
+async def test_calls_for_one_id_are_one_cut_and_others_wait_their_turn(rig: Rig) -> None:
+    rig.gate.clear()
+    calls = [asyncio.create_task(rig.saver.save(last_minute(number))) for number in (1, 1, 2, 3, 4)]
     await asyncio.sleep(0)
     with pytest.raises(BusyError):
-        await desk.saver.save(last_minute(5))
+        await rig.saver.save(last_minute(5))
     calls[1].cancel()  # who asked does not wait any more: the cut goes on
-    desk.gate.set()
+    rig.gate.set()
     await asyncio.gather(*calls, return_exceptions=True)
-    assert sorted(saved.recording_id for saved in desk.shelf) == [ident(number) for number in (1, 2, 3, 4)]
-    assert desk.changes == 4
+    assert sorted(saved.recording_id for saved in rig.recordings) == [ident(number) for number in (1, 2, 3, 4)]
+    assert rig.changes == 4
 
 
-async def test_what_cannot_be_is_said_and_may_be_asked_again(desk: Desk) -> None:
+async def test_what_cannot_be_is_said_and_may_be_asked_again(rig: Rig) -> None:
     with pytest.raises(NothingRecordedError):
-        await desk.saver.save(link_pb2.SaveRecording(recording_id=ident(1), from_ns=1, to_ns=2))
-    desk.free_bytes = 1
+        await rig.saver.save(link_pb2.SaveRecording(recording_id=ident(1), from_ns=1, to_ns=2))
+    rig.free_bytes = 1
     with pytest.raises(DiskFullError):
-        await desk.saver.save(last_minute(1))
-    assert [path.name for path in desk.shelf._folder.iterdir()] == []
-    desk.free_bytes = TIB
-    await desk.saver.save(last_minute(1))
-    assert len(desk.shelf) == 1
+        await rig.saver.save(last_minute(1))
+    assert [path.name for path in rig.recordings._folder.iterdir()] == []
+    rig.free_bytes = TIB
+    await rig.saver.save(last_minute(1))
+    assert len(rig.recordings) == 1
 
 
-async def test_an_agent_that_ends_leaves_no_half_file(desk: Desk) -> None:
-    desk.gate.clear()
-    call = asyncio.create_task(desk.saver.save(last_minute(1)))
-    await wait_until_async(lambda: list(desk.shelf._folder.glob("*.partial")))
-    closing = asyncio.create_task(desk.saver.close())
+async def test_an_agent_that_ends_leaves_no_half_file(rig: Rig) -> None:
+    rig.gate.clear()
+    call = asyncio.create_task(rig.saver.save(last_minute(1)))
+    await wait_until_async(lambda: list(rig.recordings._folder.glob("*.partial")))
+    closing = asyncio.create_task(rig.saver.close())
     await asyncio.sleep(0)
-    desk.free_bytes = 1
-    desk.gate.set()
+    rig.free_bytes = 1
+    rig.gate.set()
     await closing
     with pytest.raises(MetarosError):
         await call
-    assert list(desk.shelf._folder.iterdir()) == []
+    assert list(rig.recordings._folder.iterdir()) == []
 
 
 async def test_without_a_black_box_it_is_off(tmp_path: Path) -> None:
-    saver = Saver(None, Shelf(tmp_path), SystemClock(), robot_id="r", free=lambda: (1, 1), changed=lambda: None)
+    saver = Saver(
+        None, RecordingStore(tmp_path), SystemClock(), robot_id="r", free=lambda: (1, 1), changed=lambda: None
+    )
     with pytest.raises(BlackBoxOffError):
         await saver.save(last_minute(1))
 

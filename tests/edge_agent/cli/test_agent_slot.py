@@ -8,14 +8,15 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from edge_agent import boot, cli_slot
-from edge_agent.boot import Loader
+from edge_agent.cli import agent_slot
+from edge_agent.update import loader as boot
+from edge_agent.update.loader import Loader
 from edge_agent.update.slots import Slots
-from metaros.file_lock import take_lock
+from metaros.concurrency.file_lock import take_lock
 from metaros.limits import LIMITS
 
 APP = typer.Typer()
-cli_slot.register(APP)
+agent_slot.register(APP)
 APP.command("other")(lambda: None)  # with one command alone typer has no names
 
 

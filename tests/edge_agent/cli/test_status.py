@@ -10,13 +10,13 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from edge_agent.cli import register
-from edge_agent.cli_status import box_line, lines, rows_of, twin_line
-from edge_agent.state_dir import locked
+from edge_agent.cli.agent import register
+from edge_agent.cli.status import box_line, lines, rows_of, twin_line
+from edge_agent.state.state_dir import locked
+from tests.edge_agent.status.test_report import filled
 from tests.edge_agent.test_main import start
-from tests.edge_agent.test_report import filled
 from tests.support.ports import free_port
-from tests.support.processes import END_S
+from tests.support.processes.processes import END_S
 from tests.support.waiting import wait_until
 
 CLASS = {

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.command_log import CommandLog
+from edge_agent.commands.executed_ids import CommandLog
+from edge_agent.commands.publishers import zero_message
+from edge_agent.link.byte_budget_override import stored_limit
 from edge_agent.outbox import OsDisk
-from edge_agent.publishers import zero_message
-from edge_agent.uplink_limit import stored_limit
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
@@ -54,7 +54,7 @@ def drive(rig: Rig, seq: int, speed: float, *, lease: str = "L", age_s: float = 
     rig.gateway.say(link_pb2.GatewayFrame(teleop=teleop))
 
 
-async def drive_until_heard(rig: Rig, speeds: list[float], *, first_seq: int = 1) -> None:
+async def drive_until_received(rig: Rig, speeds: list[float], *, first_seq: int = 1) -> None:
     """As a held pad does: one that a busy machine delivers late is too old to be obeyed."""
     seqs = itertools.count(first_seq)
     await wait_until_async(lambda: drive(rig, next(seqs), 0.4) or 0.4 in speeds, every_s=0.1)
@@ -63,19 +63,19 @@ async def drive_until_heard(rig: Rig, speeds: list[float], *, first_seq: int = 1
 @pytest.fixture
 def speeds(robot: Robot) -> list[float]:
     """linear.x of what reaches the robot's base."""
-    heard: list[float] = []
-    robot.node.create_subscription(Twist, "cmd_vel", lambda m: heard.append(m.linear.x), 10)
-    return heard
+    received: list[float] = []
+    robot.node.create_subscription(Twist, "cmd_vel", lambda m: received.append(m.linear.x), 10)
+    return received
 
 
 async def test_publish_reaches_a_subscription(agent: Rig, robot: Robot) -> None:
-    heard: list[str] = []
-    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    received: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: received.append(message.data), 10)
     await agent.wait_channel("/sim_1/say")
     payload = codec(String).encode(String(data="hello"))
     result = await agent.result(agent.command(publish=publish("/sim_1/say", "std_msgs/msg/String", payload)))
     assert (result.ok, result.code) == (True, "")
-    await wait_until_async(lambda: heard == ["hello"])
+    await wait_until_async(lambda: received == ["hello"])
 
 
 async def test_names_outside_the_namespace_are_refused(agent: Rig) -> None:
@@ -124,7 +124,7 @@ async def test_teleop_drives_and_stops_once(agent: Rig, robot: Robot, speeds: li
     await agent.wait_channel(CMD_VEL)
     drive(agent, 1, 0.9)
     assert (await agent.result(grant(agent))).ok
-    await drive_until_heard(agent, speeds, first_seq=2)
+    await drive_until_received(agent, speeds, first_seq=2)
     drive(agent, 2, 0.9)
     drive(agent, 10_000, 0.9, age_s=0.6)
     drive(agent, 10_001, 0.9, lease="other")
@@ -136,7 +136,7 @@ async def test_teleop_drives_and_stops_once(agent: Rig, robot: Robot, speeds: li
 async def test_release_stops_at_once(agent: Rig, robot: Robot, speeds: list[float]) -> None:
     await agent.wait_channel(CMD_VEL)
     grant(agent)
-    await drive_until_heard(agent, speeds)
+    await drive_until_received(agent, speeds)
     agent.command(release_lease=link_pb2.ReleaseLease(lease_id="L"))
     await wait_until_async(lambda: speeds[-1] == 0.0)
     assert set(speeds) == {0.4, 0.0}
@@ -145,7 +145,7 @@ async def test_release_stops_at_once(agent: Rig, robot: Robot, speeds: list[floa
 async def test_losing_the_gateway_stops_the_robot(agent: Rig, robot: Robot, speeds: list[float]) -> None:
     await agent.wait_channel(CMD_VEL)
     grant(agent)
-    await drive_until_heard(agent, speeds)
+    await drive_until_received(agent, speeds)
     await agent.gateway.stop()
     await wait_until_async(lambda: speeds[-1] == 0.0)
     assert set(speeds) == {0.4, 0.0}
@@ -153,8 +153,8 @@ async def test_losing_the_gateway_stops_the_robot(agent: Rig, robot: Robot, spee
 
 
 async def test_a_command_runs_once(agent: Rig, robot: Robot) -> None:
-    heard: list[str] = []
-    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    received: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: received.append(message.data), 10)
     await agent.wait_channel("/sim_1/say")
     message = publish("/sim_1/say", "std_msgs/msg/String", codec(String).encode(String(data="x")))
     command = link_pb2.Command(command_id=b"once" * 4, publish=message)
@@ -162,8 +162,8 @@ async def test_a_command_runs_once(agent: Rig, robot: Robot) -> None:
         agent.gateway.say(link_pb2.GatewayFrame(command=command))
     await wait_until_async(lambda: len(agent.half.results) == 2)
     assert [result.code for result in agent.half.results] == ["", "duplicate"]
-    await wait_until_async(lambda: heard)
-    assert heard == ["x"]
+    await wait_until_async(lambda: received)
+    assert received == ["x"]
 
 
 async def test_an_unknown_command_and_bad_names_are_answered(agent: Rig) -> None:
@@ -202,8 +202,8 @@ def test_an_unknown_type_has_no_zero() -> None:
 
 
 async def test_a_durable_command_runs_once_and_its_result_stays_until_it_is_stored(agent: Rig, robot: Robot) -> None:
-    heard: list[str] = []
-    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    received: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: received.append(message.data), 10)
     await agent.wait_channel("/sim_1/say")
     now_ns = SystemClock().wall_ns()
     durable = {"durable": True, "expires_ns": now_ns + 600 * 10**9}
@@ -221,18 +221,18 @@ async def test_a_durable_command_runs_once_and_its_result_stays_until_it_is_stor
     agent.gateway.say(link_pb2.GatewayFrame(result_stored=stored))
     agent.gateway.say(link_pb2.GatewayFrame(command=repeat))
 
-    def told() -> list[str]:
+    def reported() -> list[str]:
         agent.gateway.say(link_pb2.GatewayFrame(command=repeat))
         return [r.code for r in agent.half.results if r.command_id == command_id and r.code]
 
-    await wait_until_async(lambda: "interrupted" in told())  # nobody asks again after ResultStored: it does not run
+    await wait_until_async(lambda: "interrupted" in reported())  # nobody asks again after ResultStored: it does not run
     late = agent.command(publish=message, durable=True, expires_ns=now_ns - 1)
     assert (await agent.result(late)).code == "expired"
     lease = agent.command(grant_lease=link_pb2.GrantLease(lease_id="L"), **durable)
     assert (await agent.result(lease)).code == "unsupported"
     drives = agent.command(publish=publish(CMD_VEL, TWIST, twist(1.0)), **durable)
     assert (await agent.result(drives)).code == "lease_required"
-    await wait_until_async(lambda: heard == ["once"])
+    await wait_until_async(lambda: received == ["once"])
 
 
 async def test_what_moves_the_robot_has_to_be_fresh(agent: Rig, robot: Robot, speeds: list[float]) -> None:

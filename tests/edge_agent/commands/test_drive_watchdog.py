@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.drive_guard import DriveGuard
+from edge_agent.commands.drive_watchdog import DriveGuard
 from metaros.clock import ManualClock
 
 TOPIC = "/sim_1/cmd_vel"

@@ -8,8 +8,8 @@ import random  # noqa: TID251 - seeded
 
 import pytest
 
-from edge_agent.command_log import CommandLog
-from tests.support.sim_disk import SimDisk
+from edge_agent.commands.executed_ids import CommandLog
+from tests.support.simulation.sim_disk import SimDisk
 
 
 def disk() -> SimDisk:

@@ -7,9 +7,9 @@ import zlib
 
 import pytest
 
-from edge_agent.kept_results import KeptResults, interrupted
+from edge_agent.commands.stored_results import StoredResults, interrupted
 from metaros._proto import link_pb2
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 ID = bytes(range(16))
 DONE = link_pb2.CommandResult(command_id=ID, ok=True, payload=b"moved", kept=True)
@@ -43,4 +43,4 @@ NO_RESULT = b"\xff\xff\xff"
 def test_what_is_not_whole_counts_as_interrupted(data: bytes, result: link_pb2.CommandResult) -> None:
     disk = SimDisk(random.Random(1))
     disk.files = {f"results/{ID.hex()}": data, "results/notes.txt": b"of somebody else"}
-    assert list(KeptResults(disk)) == [result]
+    assert list(StoredResults(disk)) == [result]

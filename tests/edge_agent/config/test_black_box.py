@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.blackbox.settings import BlackBoxSettings
-from edge_agent.config import load_settings
+from edge_agent.config.black_box import BlackBoxSettings
+from edge_agent.config.settings import load_settings
 from metaros.errors import ConfigError
 
 

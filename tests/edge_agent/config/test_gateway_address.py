@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.uplink.address import parse_address
+from edge_agent.config.gateway_address import parse_address
 from metaros.errors import ConfigError
 
 

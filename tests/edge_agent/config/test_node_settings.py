@@ -7,19 +7,19 @@ from typing import Any
 
 import pytest
 
-from edge_agent.config import load_settings
-from edge_agent.nodes.allowed import NodeSettings, allowed_entries
+from edge_agent.config.node_settings import NodeSettings, allowed_entries
+from edge_agent.config.settings import load_settings
 from edge_agent.nodes.errors import NodeRefusedError
-from edge_agent.nodes.rows import Place, as_json, row_of
+from edge_agent.nodes.launch_row import LaunchContext, as_json, launch_row
 from metaros.errors import ConfigError
-from metaros.supervise.table_file import read_rows
-from metaros.twin import parse
-from metaros.twin.document import NodeWanted
+from metaros.fleet.twin import parse
+from metaros.fleet.twin.document import NodeSpec
+from metaros.supervise.node_table_file import read_rows
 
-PLACE = Place(namespace="/r1", zenoh_port=7447, python="/py")
+PLACE = LaunchContext(namespace="/r1", zenoh_port=7447, python="/py")
 
 
-def wanted(**row: Any) -> NodeWanted:
+def wanted(**row: Any) -> NodeSpec:
     nodes = parse({"nodes": {"n": row}}).nodes
     assert nodes is not None
     return nodes["n"]
@@ -73,16 +73,20 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, said: str) -> None:
 
 
 def test_an_entry_runs_as_the_robot_wrote_it() -> None:
-    row = row_of(wanted(allowed="l"), settings({"name": "l", "command": ["/bin/l", "-v"], "env": {"A": "1"}}), PLACE)
+    row = launch_row(
+        wanted(allowed="l"), settings({"name": "l", "command": ["/bin/l", "-v"], "env": {"A": "1"}}), PLACE
+    )
     assert row.argv == ("/bin/l", "-v")
     assert row.env["A"] == "1"
     assert row.env["METAROS_ZENOH_PORT"] == "7447"
 
 
 def test_a_module_gets_name_namespace_and_parameters() -> None:
-    row = row_of(wanted(allowed="m", parameters={"rate_hz": 5.0}), settings({"name": "m", "module": "my.node"}), PLACE)
+    row = launch_row(
+        wanted(allowed="m", parameters={"rate_hz": 5.0}), settings({"name": "m", "module": "my.node"}), PLACE
+    )
     ros = ("--ros-args", "-r", "__node:=n", "-r", "__ns:=/r1", "-p", "rate_hz:=5.0")
-    assert row.argv == ("/py", "-m", "metaros.cli.launch_child", "module", "my.node", *ros)
+    assert row.argv == ("/py", "-m", "metaros.cli.launch.child", "module", "my.node", *ros)
     assert row.own_guard
 
 
@@ -98,13 +102,13 @@ def test_a_module_gets_name_namespace_and_parameters() -> None:
 )
 def test_everything_else_is_refused_by_name(row: dict[str, Any], said: str) -> None:
     with pytest.raises(NodeRefusedError, match=said):
-        row_of(wanted(**row), settings({"name": "l", "command": ["l"]}), PLACE)
+        launch_row(wanted(**row), settings({"name": "l", "command": ["l"]}), PLACE)
 
 
 def test_what_the_robot_opens_is_open() -> None:
     free = settings({"name": "l", "command": ["l"], "args": True, "parameters": True}, free_commands=True)
-    assert row_of(wanted(command=["sh", "-c", "x"]), free, PLACE).argv == ("sh", "-c", "x")
-    row = row_of(wanted(allowed="l", args=["-x"], parameters={"a": "ü"}), free, PLACE)
+    assert launch_row(wanted(command=["sh", "-c", "x"]), free, PLACE).argv == ("sh", "-c", "x")
+    row = launch_row(wanted(allowed="l", args=["-x"], parameters={"a": "ü"}), free, PLACE)
     assert row.argv == ("l", "-x", "--ros-args", "-r", "__ns:=/r1", "-p", 'a:="ü"')
 
 
@@ -117,21 +121,23 @@ def test_a_critical_node_knows_how_the_robot_comes_to_rest(tmp_path: Path) -> No
     )
     found, guarded = (
         load_settings(path).nodes,
-        Place(namespace="/", zenoh_port=1, python="/py", drive_session="/s.json5"),
+        LaunchContext(namespace="/", zenoh_port=1, python="/py", drive_session="/s.json5"),
     )
     program = ("/py", "-m", "metaros.cli.safe_stop")
     ways = ("--publish=cmd_vel=geometry_msgs/msg/Twist", "--call=base/stop", "--", "/bin/estop", "-v")
-    row = row_of(wanted(allowed="l", critical=True), found, PLACE)
+    row = launch_row(wanted(allowed="l", critical=True), found, PLACE)
     assert row.safe_stop == (*program, "--namespace=/r1", *ways)
-    row = row_of(wanted(allowed="l", critical=True), found, guarded)
+    row = launch_row(wanted(allowed="l", critical=True), found, guarded)
     assert row.safe_stop == (*program, "--namespace=/", "--session=/s.json5", *ways)
-    assert row_of(wanted(allowed="l"), found, PLACE).safe_stop == ()
-    assert row_of(wanted(allowed="l", critical=True), settings({"name": "l", "command": ["l"]}), PLACE).safe_stop == ()
+    assert launch_row(wanted(allowed="l"), found, PLACE).safe_stop == ()
+    assert (
+        launch_row(wanted(allowed="l", critical=True), settings({"name": "l", "command": ["l"]}), PLACE).safe_stop == ()
+    )
 
 
 def test_every_row_is_one_that_the_supervisor_takes() -> None:
     node = wanted(allowed="l", restart="on-failure", critical=True, nice=3, migratable=True, run=False)
-    row = row_of(node, settings({"name": "l", "command": ["l"]}), PLACE)
+    row = launch_row(node, settings({"name": "l", "command": ["l"]}), PLACE)
     assert read_rows([as_json(row)]) == (row,)
     assert (row.restart, row.critical, row.nice, row.migratable, row.run) == ("on-failure", True, 3, True, False)
 
@@ -140,8 +146,8 @@ LIDAR = {"name": "lidar", "driver": "ld19", "fixed": {"port": "/dev/ttyUSB0"}}
 
 
 def test_a_driver_runs_with_what_the_robot_fixes_and_what_comes_from_afar() -> None:
-    row = row_of(wanted(allowed="lidar", parameters={"bins": 100}), settings(LIDAR), PLACE)
-    assert row.argv[:5] == ("/py", "-m", "metaros.cli.launch_child", "driver", "ld19")
+    row = launch_row(wanted(allowed="lidar", parameters={"bins": 100}), settings(LIDAR), PLACE)
+    assert row.argv[:5] == ("/py", "-m", "metaros.cli.launch.child", "driver", "ld19")
     assert row.argv[-4:] == ("-p", "bins:=100", "-p", 'port:="/dev/ttyUSB0"')
     assert row.own_guard
 
@@ -158,12 +164,14 @@ def test_a_driver_runs_with_what_the_robot_fixes_and_what_comes_from_afar() -> N
 def test_what_a_driver_opens_is_not_chosen_from_afar(parameters: dict[str, Any], said: str) -> None:
     for entry in (LIDAR, {**LIDAR, "fixed": {}}):
         with pytest.raises(NodeRefusedError, match=said):
-            row_of(wanted(allowed="lidar", parameters=parameters), settings(entry), PLACE)
+            launch_row(wanted(allowed="lidar", parameters=parameters), settings(entry), PLACE)
 
 
 def test_what_the_robot_fixes_stays() -> None:
     with pytest.raises(NodeRefusedError, match="bins is set on the robot only"):
-        row_of(wanted(allowed="lidar", parameters={"bins": 100}), settings({**LIDAR, "fixed": {"bins": 450}}), PLACE)
+        launch_row(
+            wanted(allowed="lidar", parameters={"bins": 100}), settings({**LIDAR, "fixed": {"bins": 450}}), PLACE
+        )
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.config import OutboxSettings, load_settings, sanitised_hostname
+from edge_agent.config.settings import OutboxSettings, load_settings, sanitised_hostname
+from edge_agent.config.topic_table import DEFAULT_TOPICS
 from edge_agent.outbox import CLASSES
-from edge_agent.topics import DEFAULT_TOPICS
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+REPOSITORY = Path(__file__).resolve().parents[3]
 
 
 def write(folder: Path, text: str) -> Path:
@@ -67,8 +67,8 @@ def test_several_gateways_and_how_to_speak_to_them(tmp_path: Path) -> None:
     ]
     assert {address.transports for address in settings.addresses()} == {("websocket",)}
     assert settings.compression == "zstd"
-    told = load_settings(write(tmp_path, text), {"gateway": "c:1"})
-    assert [address.text for address in told.addresses()] == ["c:1"]
+    reported = load_settings(write(tmp_path, text), {"gateway": "c:1"})
+    assert [address.text for address in reported.addresses()] == ["c:1"]
 
 
 def test_quotas_and_sync_times_make_the_outboxs_classes(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.topics import DEFAULT_TOPICS, TopicRule, TopicTable, series_name
+from edge_agent.config.topic_table import DEFAULT_TOPICS, TopicRule, TopicTable, series_name
 
 
 @pytest.mark.parametrize(

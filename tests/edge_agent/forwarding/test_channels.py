@@ -6,13 +6,13 @@ import random  # noqa: TID251 - seeded
 
 import pytest
 
-from edge_agent.channels import Channel, Channels
-from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue, add_schema_text, type_hash
 from metaros.limits import Limits
 from tests.edge_agent.parts import accept, make_outbox
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 STRING = "std_msgs/msg/String"
 BATTERY = "sensor_msgs/msg/BatteryState"

@@ -5,16 +5,16 @@ from __future__ import annotations
 import random  # noqa: TID251 - seeded
 from dataclasses import replace
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channel, Channels
-from edge_agent.live import LiveQueue
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from metaros.cdr import codec
 from metaros.idl import message_class, type_hash
 from metaros.limits import Limits
 from tests.edge_agent.parts import accept, make_outbox, taken
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 STRING, BATTERY = "std_msgs/msg/String", "sensor_msgs/msg/BatteryState"
 LIVE = TopicRule(match="/battery", delivery="live", max_rate_hz=10.0, fields=("percentage",))

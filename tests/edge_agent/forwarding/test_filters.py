@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_agent.select import Deadband, MetricExtractor, RateLimiter, SampleDeadband, Selector
-from edge_agent.topics import TopicRule
+from edge_agent.config.topic_table import TopicRule
+from edge_agent.forwarding.filters import Deadband, MetricExtractor, RateLimiter, SampleDeadband, Selector
 from metaros.errors import DecodeError
 
 

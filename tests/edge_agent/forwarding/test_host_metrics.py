@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from edge_agent.channels import Channels
-from edge_agent.metrics import topic_rates
-from edge_agent.topics import TopicTable
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.host_metrics import topic_rates
 from tests.edge_agent.parts import make_outbox
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.host_turn import host_turn, turn_path
+from edge_agent.forwarding.host_metrics_election import election_lock, hold_leadership
 from tests.support.waiting import wait_until_async
 
 HOLD = """
 import sys
-from metaros.file_lock import take_lock
+from metaros.concurrency.file_lock import take_lock
 file = open(sys.argv[1], "a")
 print(take_lock(file.fileno()), flush=True)
 input()
@@ -25,12 +25,12 @@ async def test_the_next_has_it_when_the_first_ends(tmp_path: Path) -> None:
     leave = asyncio.Event()
 
     async def first() -> None:
-        async with host_turn(path, retry_s=0.01):
+        async with hold_leadership(path, retry_s=0.01):
             turns.append("first")
             await leave.wait()
 
     async def second() -> None:
-        async with host_turn(path, retry_s=0.01):
+        async with hold_leadership(path, retry_s=0.01):
             turns.append("second")
 
     async with asyncio.TaskGroup() as group:
@@ -53,14 +53,14 @@ async def test_a_killed_process_gives_it_up(tmp_path: Path) -> None:
     finally:
         holder.kill()
         await holder.communicate()
-    async with asyncio.timeout(60), host_turn(path, retry_s=0.01):
+    async with asyncio.timeout(60), hold_leadership(path, retry_s=0.01):
         pass
 
 
 def test_each_graph_and_namespace_has_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path))
     names = {
-        turn_path(zenoh_port=port, domain=domain, namespace=namespace).name
+        election_lock(zenoh_port=port, domain=domain, namespace=namespace).name
         for port in (7447, 7448)
         for domain in (0, 1)
         for namespace in ("/", "/sim_1", "/sim_1/arm")

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import pytest
 
-from edge_agent.channels import Channel, Channels
-from edge_agent.ingress import Ingress
-from edge_agent.pipeline import Arrival
-from edge_agent.topics import TopicTable
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.ingress import Ingress
+from edge_agent.forwarding.pipeline import Arrival
 from metaros.clock import ManualClock
 from metaros.wire.attachment import pack_attachment
 from tests.edge_agent.parts import make_outbox
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 GID = bytes(range(16))

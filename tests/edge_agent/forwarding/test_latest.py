@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
-from edge_agent.channels import Channel
-from edge_agent.latest import LatestOnly
-from edge_agent.topics import TopicRule
+from edge_agent.config.topic_table import TopicRule
+from edge_agent.forwarding.channels import Channel
+from edge_agent.forwarding.latest import LatestOnly
 from tests.support.waiting import wait_until_async
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.batch import Linger, sample_batches
-from edge_agent.live import LiveSample
+from edge_agent.forwarding.live_batch import Linger, sample_batches
+from edge_agent.forwarding.live_queue import LiveSample
 from metaros.limits import Limits
 from metaros.link import Reassembler, unpack_batch
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from edge_agent.channels import Channels
-from edge_agent.live import OVERHEAD_BYTES, LiveQueue
-from edge_agent.topics import TopicTable
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.live_queue import OVERHEAD_BYTES, LiveQueue
 from tests.edge_agent.parts import make_outbox
 
 

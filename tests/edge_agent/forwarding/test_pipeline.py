@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from edge_agent.batch import Linger
-from edge_agent.channels import METRIC_STREAM, Channels
-from edge_agent.live import LiveQueue
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import METRIC_STREAM, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from edge_agent.outbox import Frame, Kind
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import TopicRule, TopicTable
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class, type_hash

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from edge_agent.batch import Linger
-from edge_agent.config import load_settings
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.sample_trace import Tracer
+from edge_agent.config.settings import load_settings
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
+from edge_agent.forwarding.sample_trace import Tracer
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.scope import Scope
+from edge_agent.forwarding.scope import Scope
 
 
 @pytest.mark.parametrize(

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.batch import Linger
-from edge_agent.blackbox.box import Held
-from edge_agent.blackbox.clip import Span, cut
+from edge_agent.blackbox.box import RingSnapshot
+from edge_agent.blackbox.clip import Span, write_clip
+from edge_agent.blackbox.publisher import RecordedPublisher
 from edge_agent.blackbox.ring import Ring
-from edge_agent.blackbox.source import Source
-from edge_agent.channels import Channel, Channels
-from edge_agent.config import Settings, load_settings
-from edge_agent.live import LiveQueue
+from edge_agent.config.settings import Settings, load_settings
+from edge_agent.config.topic_table import Seal, TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
+from edge_agent.forwarding.sealing import Sealing, open_sealing
 from edge_agent.outbox import LOGS, Outbox
 from edge_agent.outbox.segment import Kind
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.sealing import Sealing, open_sealing
-from edge_agent.topics import Seal, TopicRule, TopicTable
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -33,7 +33,7 @@ from metaros.record.ledger import Publisher
 from metaros.record.unseal import unseal
 from metaros.seal import OVERHEAD_BYTES, Keyring, Opener, Origin, SealKey, parse_head
 from tests.edge_agent.parts import accept, make_outbox, taken
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 TYPE = "std_msgs/msg/String"
 HASH = type_hash(TYPE, default_catalogue())
@@ -283,14 +283,14 @@ def test_the_black_box_and_its_clips_are_sealed_and_open_with_the_key(tmp_path: 
     )
     publishers = {}
     for topic in ("/secret", "/plain"):
-        source = Source(robot.channel(topic), Publisher(topic, TYPE, topic.encode().ljust(16, b"\0")))
+        source = RecordedPublisher(robot.channel(topic), Publisher(topic, TYPE, topic.encode().ljust(16, b"\0")))
         publishers[topic, source.publisher.gid] = source.publisher
         for sequence in (1, 2, 3):
             stamp_ns = robot.clock.wall_ns()
             ring.write(source, sequence, stamp_ns, stamp_ns, MARKER if topic == "/secret" else b"plain")
             robot.clock.advance(1.0)
     span = Span(recording_id="x", from_ns=0, to_ns=robot.clock.wall_ns())
-    cut(Held(ring.hold(), ring.latched_path, publishers), span, tmp_path / "clip.mcap", robot_id="r1")
+    write_clip(RingSnapshot(ring.hold(), ring.latched_path, publishers), span, tmp_path / "clip.mcap", robot_id="r1")
     files = [*folder.glob("*.mcap"), tmp_path / "clip.mcap"]
     assert len(files) == 2
     assert [path for path in files if any(MARKER in item.data for item in open_bag(path).messages())] == []

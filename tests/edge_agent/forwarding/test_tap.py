@@ -9,16 +9,16 @@ import pytest
 import zenoh
 
 import metaros
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
+from edge_agent.forwarding.tap import matching_qos, topic_of
 from edge_agent.main import run_agent
-from edge_agent.tap import matching_qos, topic_of
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.interfaces.sensor_msgs.msg import BatteryState
 from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import Durability, History, QoSProfile, Reliability, open_router
 from tests.edge_agent.conftest import Rig, Robot
-from tests.support.fake_gateway import FakeGateway
+from tests.support.gateways.fake_gateway import FakeGateway
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until_async
 
@@ -119,7 +119,7 @@ async def test_latched_messages_from_before_the_agent_arrive(
     publisher = robot.node.create_publisher(String, "map_name", metaros.qos_transient_local)
     publisher.publish(String(data="hall 3"))
     port = int(zenoh_router.rpartition(":")[2])
-    from edge_agent.topics import TopicRule
+    from edge_agent.config.topic_table import TopicRule
 
     topics = (TopicRule(match="**", delivery="bulk"),)
     settings = Settings(

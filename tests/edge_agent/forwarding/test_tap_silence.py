@@ -5,10 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from edge_agent.channels import Channels
-from edge_agent.scope import Scope
-from edge_agent.tap import KEEP_S, Tap
-from edge_agent.topics import TopicTable
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.scope import Scope
+from edge_agent.forwarding.tap import KEEP_S, Tap
 from metaros.clock import ManualClock
 from metaros.idl import type_hash
 from metaros.wire import EndpointInfo, QoSProfile

@@ -7,14 +7,14 @@ from pathlib import Path
 from metaros.cdr import codec
 from metaros.idl import Catalogue, add_schema_text, type_hash
 from tests.edge_agent.conftest import Rig
-from tests.support.far_robot import far_robot
+from tests.support.robots.custom_types_robot import custom_types_robot
 from tests.support.waiting import wait_until_async
 
 
 async def test_the_schema_of_a_type_that_only_its_publisher_knows_reaches_the_gateway(
     agent: Rig, zenoh_router: str, tmp_path: Path
 ) -> None:
-    with far_robot(zenoh_router, tmp_path / "log", namespace="/sim_1"):
+    with custom_types_robot(zenoh_router, tmp_path / "log", namespace="/sim_1"):
 
         def described() -> bool:
             channel = agent.channel("/sim_1/hand")

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.errors import InsecureGatewayError
 from edge_agent.identity.credentials import enrolled_addresses
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
 from edge_agent.identity.key import key_to_pem, new_key
-from edge_agent.main import door_of
+from edge_agent.main import resolve_gateways
 from metaros.errors import ConfigError
-from tests.support.fleet_ca import FleetCa
+from tests.support.servers.fleet_ca import FleetCa
 
 
 def identity_at(url: str, **changes: object) -> RobotIdentity:
@@ -55,29 +55,29 @@ def test_a_transport_that_is_asked_for_is_the_only_one() -> None:
     assert [item.text for item in enrolled_addresses(identity, "grpc")] == ["grpcs://fleet.example:8081"]
 
 
-def test_a_robot_that_was_never_enrolled_goes_where_it_is_told(tmp_path: Path) -> None:
-    credentials, addresses = door_of(Settings(name="arm"), tmp_path)
+def test_a_robot_that_was_never_enrolled_goes_where_it_is_reported(tmp_path: Path) -> None:
+    credentials, addresses = resolve_gateways(Settings(name="arm"), tmp_path)
     assert credentials is None
     assert [item.text for item in addresses] == ["127.0.0.1:8081"]
 
 
-def test_what_is_told_wins_over_the_enrolment(tmp_path: Path) -> None:
+def test_what_is_reported_wins_over_the_enrolment(tmp_path: Path) -> None:
     IdentityFiles(tmp_path).save(identity_at("https://fleet.example:8080"))
-    assert door_of(Settings(name="arm"), tmp_path)[1][0].text == "grpcs://fleet.example:8081"
-    told = Settings(name="arm", gateways=("https://a", "grpcs://b:1"))
-    assert [item.text for item in door_of(told, tmp_path)[1]] == ["https://a", "grpcs://b:1"]
+    assert resolve_gateways(Settings(name="arm"), tmp_path)[1][0].text == "grpcs://fleet.example:8081"
+    reported = Settings(name="arm", gateways=("https://a", "grpcs://b:1"))
+    assert [item.text for item in resolve_gateways(reported, tmp_path)[1]] == ["https://a", "grpcs://b:1"]
 
 
 @pytest.mark.parametrize("gateway", ["10.0.0.5:8081", "grpc://fleet.example", "http://fleet.example"])
 def test_an_enrolled_robot_is_not_sent_away_without_tls(tmp_path: Path, gateway: str) -> None:
     IdentityFiles(tmp_path).save(identity_at("https://fleet.example"))
     with pytest.raises(InsecureGatewayError, match="TLS"):
-        door_of(Settings(name="arm", gateway=gateway), tmp_path)
+        resolve_gateways(Settings(name="arm", gateway=gateway), tmp_path)
     for near in ("127.0.0.1:8081", "http://localhost:8080", "grpc://[::1]:8081"):
-        assert door_of(Settings(name="arm", gateway=near), tmp_path)[0] is not None
+        assert resolve_gateways(Settings(name="arm", gateway=near), tmp_path)[0] is not None
 
 
 def test_another_robots_state_directory_is_named(tmp_path: Path) -> None:
     IdentityFiles(tmp_path).save(identity_at("https://fleet.example"))
     with pytest.raises(ConfigError, match="--name arm"):
-        door_of(Settings(name="leg"), tmp_path)
+        resolve_gateways(Settings(name="leg"), tmp_path)

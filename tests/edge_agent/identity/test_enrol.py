@@ -18,72 +18,72 @@ from edge_agent.errors import (
     UntrustedError,
 )
 from edge_agent.identity.enrol import enrol, renew
+from edge_agent.identity.enrolment_token import parse_token
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
 from edge_agent.identity.key import key_from_pem, new_key, public_der
-from edge_agent.identity.pin import parse_token
 from metaros.errors import ConfigError
-from tests.support.enrol_door import EnrolDoor, enrol_door
-from tests.support.fleet_ca import FleetCa
+from tests.support.servers.enrol_server import EnrolServer, enrol_server
+from tests.support.servers.fleet_ca import FleetCa
 
 
-def enrol_at(door: EnrolDoor, state: Path, *, token: str = "", robot: str = "arm") -> RobotIdentity:
+def enrol_at(server: EnrolServer, state: Path, *, token: str = "", robot: str = "arm") -> RobotIdentity:
     """Enrol a robot there."""
-    return enrol(parse_token(token or door.ca.token()), url=door.url, robot_id=robot, state_dir=state)
+    return enrol(parse_token(token or server.ca.token()), url=server.url, robot_id=robot, state_dir=state)
 
 
 def test_a_token_becomes_an_identity_whose_key_never_left(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
-        identity = enrol_at(door, tmp_path)
-        sent = repr(door.asked)
+    with enrol_server(tmp_path) as server:
+        identity = enrol_at(server, tmp_path)
+        sent = repr(server.asked)
     assert IdentityFiles(tmp_path).load() == identity
-    assert (identity.robot, identity.fleet, identity.system_trust) == ("arm", door.ca.fleet, False)
+    assert (identity.robot, identity.fleet, identity.system_trust) == ("arm", server.ca.fleet, False)
     assert "PRIVATE" not in sent
     assert not (tmp_path / "identity" / "pending.json").exists()
 
 
 def test_a_lost_answer_is_asked_for_again_with_the_same_key(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
-        door.drop = 1
+    with enrol_server(tmp_path) as server:
+        server.drop = 1
         with pytest.raises(EnrolError):
-            enrol_at(door, tmp_path)
+            enrol_at(server, tmp_path)
         assert IdentityFiles(tmp_path).load() is None
-        enrol_at(door, tmp_path)
-        first, second = [body["csr"] for path, body in door.asked if path.endswith("/enrol")]
+        enrol_at(server, tmp_path)
+        first, second = [body["csr"] for path, body in server.asked if path.endswith("/enrol")]
         keys = {repr(_public(csr)) for csr in (first, second)}
     assert len(keys) == 1
 
 
 def test_another_fleets_gateway_never_sees_the_token(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
+    with enrol_server(tmp_path) as server:
         with pytest.raises(PinError, match="another key"):
-            enrol_at(door, tmp_path, token=FleetCa().token())
-        assert door.times("/enrol") == 0
+            enrol_at(server, tmp_path, token=FleetCa().token())
+        assert server.times("/enrol") == 0
 
 
 def test_somebody_between_shows_the_right_root_and_gets_nothing(tmp_path: Path) -> None:
-    with enrol_door(tmp_path, served_by=FleetCa()) as door:
+    with enrol_server(tmp_path, served_by=FleetCa()) as server:
         with pytest.raises(UntrustedError, match="authorities"):
-            enrol_at(door, tmp_path)
-        assert door.times("/enrol") == 0
+            enrol_at(server, tmp_path)
+        assert server.times("/enrol") == 0
 
 
 def test_a_proxy_that_this_system_trusts_may_end_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     public = FleetCa("public")
     (tmp_path / "public.pem").write_text(public.roots)
     monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "public.pem"))
-    with enrol_door(tmp_path, served_by=public) as door:
-        identity = enrol_at(door, tmp_path)
+    with enrol_server(tmp_path, served_by=public) as server:
+        identity = enrol_at(server, tmp_path)
         assert identity.system_trust
         assert renew(identity, tmp_path).system_trust
 
 
 @pytest.mark.parametrize("code", ["token_used", "token_expired", "token_unknown", "token_foreign", "csr_refused"])
 def test_a_refusal_is_named_and_leaves_what_was(tmp_path: Path, code: str) -> None:
-    with enrol_door(tmp_path) as door:
-        before = enrol_at(door, tmp_path)
-        door.refuse = code
+    with enrol_server(tmp_path) as server:
+        before = enrol_at(server, tmp_path)
+        server.refuse = code
         with pytest.raises(EnrolRefusedError, match=code) as error:
-            enrol_at(door, tmp_path, token=door.ca.token("t2"))
+            enrol_at(server, tmp_path, token=server.ca.token("t2"))
     assert error.value.reason == code
     assert IdentityFiles(tmp_path).load() == before
     assert not (tmp_path / "identity" / "pending.json").exists()
@@ -108,28 +108,28 @@ TWISTS = {
 
 @pytest.mark.parametrize("name", TWISTS)
 def test_an_answer_that_does_not_hold_is_not_kept(tmp_path: Path, name: str) -> None:
-    with enrol_door(tmp_path) as door:
-        door.twist = lambda answer: TWISTS[name](answer, door.ca)
+    with enrol_server(tmp_path) as server:
+        server.twist = lambda answer: TWISTS[name](answer, server.ca)
         with pytest.raises(EnrolAnswerError):
-            enrol_at(door, tmp_path)
+            enrol_at(server, tmp_path)
     assert IdentityFiles(tmp_path).load() is None
 
 
 def test_a_certificate_for_another_name_is_not_kept(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
+    with enrol_server(tmp_path) as server:
 
         def twist(answer: dict[str, Any]) -> dict[str, Any]:
             key = IdentityFiles(tmp_path).pending_key("token t1 arm")
-            return {**answer, "certificate": door.ca.robot(key.public_key(), "leg")}
+            return {**answer, "certificate": server.ca.robot(key.public_key(), "leg")}
 
-        door.twist = twist
+        server.twist = twist
         with pytest.raises(EnrolAnswerError, match="not for arm"):
-            enrol_at(door, tmp_path)
+            enrol_at(server, tmp_path)
 
 
 def test_renewal_has_a_new_key_on_the_word_of_the_old_one(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
-        first = enrol_at(door, tmp_path)
+    with enrol_server(tmp_path) as server:
+        first = enrol_at(server, tmp_path)
         second = renew(first, tmp_path)
         third = renew(second, tmp_path)
     keys = {public_der(key_from_pem(item.key)) for item in (first, second, third)}
@@ -138,43 +138,43 @@ def test_renewal_has_a_new_key_on_the_word_of_the_old_one(tmp_path: Path) -> Non
 
 
 def test_a_lost_renewal_asks_again_with_the_same_new_key(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
-        identity = enrol_at(door, tmp_path)
+    with enrol_server(tmp_path) as server:
+        identity = enrol_at(server, tmp_path)
         for _ in range(2):
-            door.drop = 2  # the challenge's answer first, then the renewal's is still there
+            server.drop = 2  # the challenge's answer first, then the renewal's is still there
             with pytest.raises(EnrolError):
                 renew(identity, tmp_path)
-        door.drop = 0
-        door.refuse = "certificate_revoked"
+        server.drop = 0
+        server.refuse = "certificate_revoked"
         with pytest.raises(EnrolRefusedError, match="certificate_revoked"):
             renew(identity, tmp_path)
-        door.refuse = ""
-        real, door.answer = door.answer, _losing(door)  # type: ignore[method-assign]
+        server.refuse = ""
+        real, server.answer = server.answer, _losing(server)  # type: ignore[method-assign]
         with pytest.raises(EnrolError):
             renew(identity, tmp_path)
-        door.answer = real  # type: ignore[method-assign]
+        server.answer = real  # type: ignore[method-assign]
         renew(identity, tmp_path)
-        requests = [body["csr"] for path, body in door.asked if path.endswith("/renew")]
+        requests = [body["csr"] for path, body in server.asked if path.endswith("/renew")]
     assert len(requests) == 2
     assert _public(requests[0]) == _public(requests[1])
 
 
-def _losing(door: EnrolDoor) -> Any:
+def _losing(server: EnrolServer) -> Any:
     """Answers, but loses the answer to a renewal."""
-    real = door.answer
+    real = server.answer
 
     def answer(path: str, body: dict[str, Any]) -> Any:
-        door.drop = int(path.endswith("/renew"))
+        server.drop = int(path.endswith("/renew"))
         return real(path, body)
 
     return answer
 
 
 def test_a_fleet_passes_to_another_root_by_a_renewal(tmp_path: Path) -> None:
-    with enrol_door(tmp_path) as door:
-        identity = enrol_at(door, tmp_path)
-        both = door.ca.roots + FleetCa().roots
-        door.twist = lambda answer: {**answer, "roots": both}
+    with enrol_server(tmp_path) as server:
+        identity = enrol_at(server, tmp_path)
+        both = server.ca.roots + FleetCa().roots
+        server.twist = lambda answer: {**answer, "roots": both}
         assert renew(identity, tmp_path).roots == both
 
 
@@ -193,7 +193,7 @@ def test_what_is_no_url_is_refused(tmp_path: Path, url: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["html", "huge", "redirect"])
-def test_something_else_on_the_port_is_told_apart(tmp_path: Path, kind: str) -> None:
+def test_something_else_on_the_port_is_reported_apart(tmp_path: Path, kind: str) -> None:
     asked = []
 
     class Handler(BaseHTTPRequestHandler):

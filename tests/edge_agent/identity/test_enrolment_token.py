@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from edge_agent.errors import PinError, TokenFormatError
-from edge_agent.identity.pin import parse_token, pinned_roots
-from tests.support.fleet_ca import FleetCa
+from edge_agent.identity.enrolment_token import parse_token, pinned_roots
+from tests.support.servers.fleet_ca import FleetCa
 
 
 def test_a_token_is_taken_apart_and_its_secret_not_shown() -> None:

@@ -13,7 +13,7 @@ import pytest
 from edge_agent.errors import IdentityFileError
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
 from edge_agent.identity.key import key_to_pem, new_key, public_der
-from tests.support.fleet_ca import FleetCa
+from tests.support.servers.fleet_ca import FleetCa
 
 
 def make_identity(ca: FleetCa | None = None, robot: str = "arm") -> RobotIdentity:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from edge_agent.identity.credentials import Credentials
-from edge_agent.identity.renewing import Renewing
+from edge_agent.identity.renewal_task import RenewalTask
 from metaros.clock import ManualClock
 from tests.edge_agent.identity.test_credentials import identity_at
 
@@ -32,7 +32,7 @@ class Rule:
 
 
 async def test_the_end_of_a_wait_is_another_look_and_no_renewal(tmp_path: Path) -> None:
-    renewing = Renewing(Credentials(identity_at("https://fleet")), tmp_path, ManualClock(), random.Random(1))
+    renewing = RenewalTask(Credentials(identity_at("https://fleet")), tmp_path, ManualClock(), random.Random(1))
     rule: Any = Rule(fresh=3)
     renewing.rule = rule
     await renewing._due()

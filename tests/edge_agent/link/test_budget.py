@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_agent.uplink.budget import BACKFILL_SHARE, Budget, Use
+from edge_agent.link.budget import BACKFILL_SHARE, Budget, Use
 
 MBIT = 125_000
 FRAME = 256 * 1024

@@ -8,11 +8,11 @@ import random  # noqa: TID251 - seeded
 import pytest
 
 from edge_agent.errors import DiskFullError
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink_limit import UplinkLimit, stored_limit
+from edge_agent.link.budget import Budget
+from edge_agent.link.byte_budget_override import UplinkLimit, stored_limit
 from metaros.clock import ManualClock
 from metaros.errors import UsageError
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 
 def rig() -> tuple[SimDisk, Budget, UplinkLimit]:

@@ -14,22 +14,22 @@ from typing import Any
 
 import pytest
 
-from edge_agent.nodes.allowed import NodeSettings
+from edge_agent.config.node_settings import NodeSettings
 from edge_agent.nodes.errors import NodeRefusedError
-from edge_agent.nodes.rows import Place, as_json, row_of
+from edge_agent.nodes.launch_row import LaunchContext, as_json, launch_row
 from edge_agent.update import nodes as nodes_module
 from edge_agent.update.errors import UpdateForeignError, UpdateInstallError
 from edge_agent.update.nodes import NodeBundles
 from metaros.errors import UnavailableError
+from metaros.fleet.twin import parse
+from metaros.fleet.twin.document import NodeSpec
 from metaros.limits import LIMITS
 from metaros.supervise.client import ask
-from metaros.supervise.table_file import Row, TableFile, read_rows
-from metaros.twin import parse
-from metaros.twin.document import NodeWanted
-from tests.support.fake_engine import FakeEngine
-from tests.support.processes import alive, started
-from tests.support.tuf_repository import make_bundle
-from tests.support.tuf_robot import TufRobot, tuf_robot
+from metaros.supervise.node_table_file import Row, TableFile, read_rows
+from tests.support.nodes.fake_engine import FakeEngine
+from tests.support.processes.processes import alive, started
+from tests.support.robots.tuf_robot import TufRobot, tuf_robot
+from tests.support.servers.tuf_repository import make_bundle
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the engine that is played here is Linux's")
@@ -39,7 +39,7 @@ signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 print("inside", os.getpid(), *sys.argv[1:], flush=True)
 signal.sigwait([signal.SIGINT])
 """
-PLACE = Place(namespace="/r1", zenoh_port=7447, env={"ZENOH_SESSION_CONFIG_URI": "/z/node.json5"})
+PLACE = LaunchContext(namespace="/r1", zenoh_port=7447, env={"ZENOH_SESSION_CONFIG_URI": "/z/node.json5"})
 
 
 @dataclass
@@ -50,7 +50,7 @@ class Image:
     argv: tuple[str, ...] = ()
 
 
-def wanted(**values: Any) -> NodeWanted:
+def wanted(**values: Any) -> NodeSpec:
     nodes = parse({"nodes": {"lidar": {"bundle": "lidar", "version": "1.0", **values}}}).nodes
     assert nodes is not None
     return nodes["lidar"]
@@ -103,7 +103,7 @@ async def test_without_an_engine_it_says_so(robot: TufRobot, tmp_path: Path, mon
 
 def test_a_row_says_nothing_secret_and_is_in_the_robots_network(tmp_path: Path) -> None:
     image = Image(tmp_path / "bundles" / "lidar" / "1.0", "/bin/podman", "sha256:1")
-    row = row_of(wanted(args=["--fast"], parameters={"rate_hz": 5}), NodeSettings(), PLACE, image)
+    row = launch_row(wanted(args=["--fast"], parameters={"rate_hz": 5}), NodeSettings(), PLACE, image)
     assert read_rows([as_json(row)]) == (row,)
     assert row.argv[:4] == ("/bin/podman", "run", "--rm", "--name")
     assert row.clean_up == ("/bin/podman", "rm", "--force", row.argv[4])
@@ -112,10 +112,10 @@ def test_a_row_says_nothing_secret_and_is_in_the_robots_network(tmp_path: Path) 
     assert "--network host" in words
     assert "--env METAROS_ZENOH_PORT " in words
     assert "--volume /z/node.json5:/z/node.json5:ro" in words
-    elsewhere = Image(tmp_path / "other" / "bundles" / "lidar" / "1.0", "/bin/podman", "sha256:1")
-    assert row_of(wanted(), NodeSettings(), PLACE, elsewhere).argv[4] != row.argv[4]
+    remote = Image(tmp_path / "other" / "bundles" / "lidar" / "1.0", "/bin/podman", "sha256:1")
+    assert launch_row(wanted(), NodeSettings(), PLACE, remote).argv[4] != row.argv[4]
     with pytest.raises(NodeRefusedError, match="cannot be migratable"):
-        row_of(wanted(migratable=True), NodeSettings(), PLACE, image)
+        launch_row(wanted(migratable=True), NodeSettings(), PLACE, image)
 
 
 class Robot:
@@ -148,7 +148,7 @@ class Robot:
 
 @pytest.mark.integration
 async def test_it_ends_with_its_node_and_with_a_killed_supervisor(robot: TufRobot, engine: FakeEngine) -> None:
-    row = row_of(wanted(args=["--fast"]), NodeSettings(), PLACE, await bundles(robot).get("lidar", "1.0"))
+    row = launch_row(wanted(args=["--fast"]), NodeSettings(), PLACE, await bundles(robot).get("lidar", "1.0"))
     await asyncio.to_thread(the_life_of_a_container, Robot(robot.state_dir, row), engine)
 
 

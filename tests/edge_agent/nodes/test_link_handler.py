@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
+from edge_agent.link.frames import ControlFrame
 from edge_agent.nodes.errors import SupervisorError
-from edge_agent.nodes.link import NodeLink
-from edge_agent.uplink.desk import Told
+from edge_agent.nodes.link_handler import NodeLinkHandler
 from metaros._proto import link_pb2
 
 
-class Desk:
+class Manager:
     """Has no supervisor for the first leases, and then one."""
 
     def __init__(self) -> None:
@@ -30,26 +30,26 @@ class Desk:
             raise SupervisorError("the supervisor does not answer")
 
 
-async def test_leases_that_the_supervisor_did_not_get_are_told_and_the_next_are_handed_over(
+async def test_leases_that_the_supervisor_did_not_get_are_reported_and_the_next_are_handed_over(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    desk: Any = Desk()
-    link = NodeLink(desk, lease_s=lambda: 5.0)
-    told: list[link_pb2.AgentFrame] = []
-    link.link_up(told.append, link_pb2.Welcome())
+    manager: Any = Manager()
+    link = NodeLinkHandler(manager, lease_s=lambda: 5.0)
+    reported: list[link_pb2.AgentFrame] = []
+    link.link_up(reported.append, link_pb2.Welcome())
     running = asyncio.create_task(link.run())
 
     def lease(*nodes: str, since_ns: int) -> None:
         frame = link_pb2.NodeLeases(leases=[link_pb2.NodeLease(node=node) for node in nodes], since_ns=since_ns)
-        link.take(Told(link_pb2.GatewayFrame(node_leases=frame), 0.0))
+        link.take(ControlFrame(link_pb2.GatewayFrame(node_leases=frame), 0.0))
 
     lease(since_ns=0)
-    since_ns = told[-1].leases_taken.boot_ns
+    since_ns = reported[-1].leases_taken.boot_ns
     for nodes in (["dock"], ["dock", "map"]):
-        desk.asked.clear()
+        manager.asked.clear()
         lease(*nodes, since_ns=since_ns)
-        await asyncio.wait_for(desk.asked.wait(), 60)
-    assert desk.given == [(["dock"], since_ns / 1e9), (["dock", "map"], since_ns / 1e9)]
+        await asyncio.wait_for(manager.asked.wait(), 60)
+    assert manager.given == [(["dock"], since_ns / 1e9), (["dock", "map"], since_ns / 1e9)]
     assert [record.message for record in caplog.records] == ["leases: the supervisor does not answer"]
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)

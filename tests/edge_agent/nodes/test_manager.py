@@ -16,20 +16,20 @@ from typing import Any
 import psutil
 import pytest
 
-from edge_agent.nodes.allowed import NodeSettings, allowed_entries
-from edge_agent.nodes.desk import NodeDesk, crash_reports
+from edge_agent.config.node_settings import NodeSettings, allowed_entries
+from edge_agent.link.frames import ControlFrame
 from edge_agent.nodes.errors import NodeRefusedError, SupervisorError
+from edge_agent.nodes.launch_row import LaunchContext
 from edge_agent.nodes.ledger import Ledger
-from edge_agent.nodes.link import NodeLink
-from edge_agent.nodes.rows import Place
-from edge_agent.uplink.desk import Told
+from edge_agent.nodes.link_handler import NodeLinkHandler
+from edge_agent.nodes.manager import NodeManager, crash_reports
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import MetarosError
+from metaros.fleet.twin import TwinError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from metaros.twin import TwinError
-from tests.support.processes import alive
+from tests.support.processes.processes import alive
 from tests.support.waiting import wait_until, wait_until_async
 
 SLEEP = """
@@ -105,11 +105,11 @@ class Rig:
         self.bundles = FakeBundles(directory)
         self._logged = {log.name: log.stat().st_size for log in directory.glob("logs/*.log")}  # by tests before
         self.clock = ManualClock(wall_ns=SystemClock().wall_ns())  # a version has run well once a test says so
-        self.desk = self.make()
+        self.manager = self.make()
         self._task: asyncio.Task[None] | None = None
 
-    def make(self) -> NodeDesk:
-        return NodeDesk(
+    def make(self) -> NodeManager:
+        return NodeManager(
             Ledger(self.directory),
             settings=NodeSettings(
                 allowed=allowed_entries(ALLOWED, "test"),
@@ -117,13 +117,13 @@ class Rig:
                 trial_s=3600.0,
                 safe_stop=(sys.executable, "-S", "-c", MARK, str(self.directory / "rest")),
             ),
-            place=Place(namespace="/", zenoh_port=1),
+            place=LaunchContext(namespace="/", zenoh_port=1),
             clock=self.clock,
             bundles=self.bundles,
         )
 
     async def start(self) -> None:
-        self.link = NodeLink(self.desk)
+        self.link = NodeLinkHandler(self.manager)
         self.told: list[link_pb2.AgentFrame] = []
         self.link.link_up(self.told.append, link_pb2.Welcome())
         self._task = asyncio.create_task(self.link.run())
@@ -136,11 +136,11 @@ class Rig:
     async def again(self) -> None:
         """The agent is another process now."""
         await self.stop()
-        self.desk = self.make()
+        self.manager = self.make()
         await self.start()
 
     def node(self, name: str) -> dict[str, Any]:
-        return dict(self.desk.reported().get(name, {}))
+        return dict(self.manager.reported().get(name, {}))
 
     async def until(self, name: str, **wanted: object) -> dict[str, Any]:
         def so() -> bool:
@@ -203,8 +203,8 @@ async def shared(directory: Path) -> AsyncIterator[Rig]:
     rig = Rig(directory)
     await rig.start()
     yield rig
-    await rig.desk.set_nodes({})
-    await wait_until_async(lambda: not rig.desk.reported())
+    await rig.manager.set_nodes({})
+    await wait_until_async(lambda: not rig.manager.reported())
     await rig.stop()
 
 
@@ -216,19 +216,19 @@ def no_supervisor(directory: Path) -> None:
 
 
 async def test_without_nodes_there_is_no_supervisor(rig: Rig) -> None:
-    await rig.desk.set_nodes({})
+    await rig.manager.set_nodes({})
     with pytest.raises(SupervisorError):
-        await rig.desk.verb("a", "stop")
+        await rig.manager.verb("a", "stop")
     assert running_pid(rig.directory) is None
-    assert rig.desk.reported() == {}
+    assert rig.manager.reported() == {}
 
 
 async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
-    assert not rig.desk.handed_over
-    await wait_until_async(lambda: rig.desk.handed_over)
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
-    assert rig.desk.handed_over  # the same again, as with a twin that changes something else
+    await rig.manager.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
+    assert not rig.manager.handed_over
+    await wait_until_async(lambda: rig.manager.handed_over)
+    await rig.manager.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
+    assert rig.manager.handed_over  # the same again, as with a twin that changes something else
     assert rig.node("a")["state"] in ("starting", "running")
     pid = (await rig.until("a", state="running"))["pid"]
     assert rig.node("b")["state"] == "stopped"
@@ -237,7 +237,7 @@ async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
     assert os.getsid(supervisor) == supervisor  # a session of its own
     await rig.again()
     assert (await rig.until("a", state="running"))["pid"] == pid  # also before anybody says what is wanted
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "c": {"allowed": "sleep"}})
+    await rig.manager.set_nodes({"a": {"allowed": "sleep"}, "c": {"allowed": "sleep"}})
     await rig.until("c", state="running")
     assert rig.node("a")["pid"] == pid
     assert rig.node("b") == {}
@@ -245,7 +245,7 @@ async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
 
 @pytest.mark.integration
 async def test_a_killed_supervisor_comes_back_with_its_nodes(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await rig.manager.set_nodes({"a": {"allowed": "sleep"}})
     pid = (await rig.until("a", state="running"))["pid"]
     supervisor = running_pid(rig.directory)
     assert supervisor is not None
@@ -256,21 +256,21 @@ async def test_a_killed_supervisor_comes_back_with_its_nodes(rig: Rig) -> None:
 
 
 async def test_stopped_by_hand_it_stays_down(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await rig.manager.set_nodes({"a": {"allowed": "sleep"}})
     await rig.until("a", state="running")
     await asyncio.to_thread(ask, rig.directory, "shutdown")
     await rig.until("a", state="stopped", why="the supervisor was stopped by hand")
     with pytest.raises(SupervisorError, match="stopped by hand"):
-        await rig.desk.verb("a", "start")
+        await rig.manager.verb("a", "start")
 
 
 async def test_a_refused_table_changes_nothing(shared: Rig) -> None:
-    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"a": {"allowed": "sleep"}})
     pid = (await shared.until("a", state="running"))["pid"]
     with pytest.raises(NodeRefusedError, match="free commands"):
-        await shared.desk.set_nodes({"x": {"command": ["sh"]}})
+        await shared.manager.set_nodes({"x": {"command": ["sh"]}})
     with pytest.raises(TwinError, match="circle"):
-        await shared.desk.set_nodes(
+        await shared.manager.set_nodes(
             {"x": {"allowed": "sleep", "after": ["y"]}, "y": {"allowed": "sleep", "after": ["x"]}}
         )
     await shared.again()
@@ -278,27 +278,27 @@ async def test_a_refused_table_changes_nothing(shared: Rig) -> None:
 
 
 async def test_verbs_and_logs(shared: Rig) -> None:
-    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"a": {"allowed": "sleep"}})
     pid = await shared.up("a")
-    await shared.desk.verb("a", "restart")
+    await shared.manager.verb("a", "restart")
     await wait_until_async(lambda: shared.node("a").get("pid") not in (None, pid))
     await shared.up("a")
-    await shared.desk.verb("a", "stop")
+    await shared.manager.verb("a", "stop")
     await shared.until("a", state="stopped", why="by hand")
-    await shared.desk.verb("a", "start")
+    await shared.manager.verb("a", "start")
     await shared.until("a", state="running")
     with pytest.raises(MetarosError, match="no verb"):
-        await shared.desk.verb("a", "shutdown")
+        await shared.manager.verb("a", "shutdown")
     with pytest.raises(SupervisorError, match="no node 'b'"):
-        await shared.desk.verb("b", "start")
+        await shared.manager.verb("b", "start")
     pid = await shared.up("a")
-    page = json.loads(await shared.desk.read_log("a", query="up"))
+    page = json.loads(await shared.manager.read_log("a", query="up"))
     assert f"up {pid}" in [line["text"] for line in page["lines"]]
     assert set(page) == {"lines", "cursor", "more"}
 
 
 async def test_the_commands_of_the_link(shared: Rig) -> None:
-    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"a": {"allowed": "sleep"}})
     await shared.up("a")
     verb = link_pb2.Command(node_verb=link_pb2.NodeVerb(node="a", verb="signal", signal=int(signal.SIGKILL)))
     assert await shared.link.actions["node_verb"](verb, 30.0) == b""
@@ -308,7 +308,7 @@ async def test_the_commands_of_the_link(shared: Rig) -> None:
 
 
 async def test_crashes_are_seen(shared: Rig) -> None:
-    await shared.desk.set_nodes({"bad": {"allowed": "crash"}, "good": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"bad": {"allowed": "crash"}, "good": {"allowed": "sleep"}})
     await wait_until_async(lambda: shared.node("bad").get("crashes", 0) >= 3)
     assert shared.node("bad")["last_exit"] == "exit code 1"
     assert shared.node("bad")["quarantined"] is False
@@ -320,7 +320,7 @@ async def test_crashes_are_seen(shared: Rig) -> None:
 
 
 async def test_the_robots_own_settings_say_how_it_comes_to_rest(shared: Rig) -> None:
-    await shared.desk.set_nodes({"arm": {"allowed": "wrong", "critical": True}, "lamp": {"allowed": "wrong"}})
+    await shared.manager.set_nodes({"arm": {"allowed": "wrong", "critical": True}, "lamp": {"allowed": "wrong"}})
     await shared.until("arm", state="ended", safe_stop="done")
     assert (shared.directory / "rest").read_text() == "arm"
     assert "safe_stop" not in await shared.until("lamp", state="ended")
@@ -338,71 +338,71 @@ def test_reports_that_are_too_long_lose_the_oldest() -> None:
 
 
 async def test_a_bundle_comes_runs_and_proves_itself(shared: Rig) -> None:
-    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "1.0"}})
+    await shared.manager.set_nodes({"new": {"bundle": "b", "version": "1.0"}})
     found = await shared.until("new", state="running", version="1.0")
     await shared.proves_itself("new")
     assert shared.bundles.well == ["1.0"]
-    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "9.0"}})
+    await shared.manager.set_nodes({"new": {"bundle": "b", "version": "9.0"}})
     await wait_until_async(lambda: shared.node("new")["update"]["state"] == "refused")
     assert shared.node("new")["update"]["code"] == "update_unknown"
     assert shared.node("new")["pid"] == found["pid"]  # the old one serves on
-    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "3.0"}})
+    await shared.manager.set_nodes({"new": {"bundle": "b", "version": "3.0"}})
     await wait_until_async(lambda: shared.bundles.kept == {("b", "1.0"), ("b", "3.0")})  # while 3.0 is on trial
     await shared.proves_itself("new")
     await wait_until_async(lambda: shared.bundles.kept == {("b", "3.0")})
 
 
 async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one(shared: Rig) -> None:
-    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "1.0"}})
+    await shared.manager.set_nodes({"old": {"bundle": "b", "version": "1.0"}})
     pid = (await shared.until("old", state="running", version="1.0"))["pid"]
     await shared.again()
-    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "4.0"}, "c": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"old": {"bundle": "b", "version": "4.0"}, "c": {"allowed": "sleep"}})
     await shared.until("c", state="running")
     assert shared.node("old")["pid"] == pid
     await wait_until_async(lambda: shared.node("old")["update"]["state"] == "downloading")
     assert shared.node("old")["pid"] == pid
-    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "4.0"}})
-    assert shared.desk.handed_over  # a download may take longer than a twin's trial, which does not wait for it
+    await shared.manager.set_nodes({"old": {"bundle": "b", "version": "4.0"}})
+    assert shared.manager.handed_over  # a download may take longer than a twin's trial, which does not wait for it
     shared.bundles.away.set()
     await shared.until("old", state="running", version="4.0")
 
 
 async def test_a_container_that_may_not_run_is_one_nodes_problem(shared: Rig) -> None:
     box = {"bundle": "box", "version": "5.0", "migratable": True}
-    await shared.desk.set_nodes({"box": box, "c": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"box": box, "c": {"allowed": "sleep"}})
     await shared.until("c", state="running")
     await shared.until("box", state="refused")
     assert shared.node("box")["update"]["code"] == "node_not_allowed"
     assert "cannot be migratable" in shared.node("box")["update"]["message"]
 
 
-async def test_a_broken_version_goes_back_by_itself_and_is_told(shared: Rig) -> None:
-    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "1.0"}})
+async def test_a_broken_version_goes_back_by_itself_and_is_reported(shared: Rig) -> None:
+    await shared.manager.set_nodes({"bad": {"bundle": "b", "version": "1.0"}})
     await shared.until("bad", state="running", version="1.0")
     await shared.proves_itself("bad")
-    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
+    await shared.manager.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
     await wait_until_async(lambda: shared.node("bad")["update"]["state"] == "rolled_back")
     await shared.until("bad", state="running", version="1.0")
     assert shared.node("bad")["update"]["version"] == "2.0"
     await shared.again()  # nor is it tried again by another agent
-    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
+    await shared.manager.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
     await shared.until("bad", state="running", version="1.0")
     assert shared.node("bad")["update"]["state"] == "rolled_back"
-    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "3.0"}})
+    await shared.manager.set_nodes({"bad": {"bundle": "b", "version": "3.0"}})
     await shared.until("bad", state="running", version="3.0")
 
 
 async def test_others_may_be_wanted_while_the_supervisor_is_asked(shared: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    ask_it = shared.desk.line.ask
+    ask_it = shared.manager.line.ask
 
     async def and_change(verb: str, **request: Any) -> dict[str, Any]:
         found = await ask_it(verb, **request)
         if [row["name"] for row in request.get("rows", [])] == ["gone"]:
-            await shared.desk.set_nodes({"c": {"allowed": "sleep"}})
+            await shared.manager.set_nodes({"c": {"allowed": "sleep"}})
         return found
 
-    monkeypatch.setattr(shared.desk.line, "ask", and_change)
-    await shared.desk.set_nodes({"gone": {"bundle": "b", "version": "1.0"}})
+    monkeypatch.setattr(shared.manager.line, "ask", and_change)
+    await shared.manager.set_nodes({"gone": {"bundle": "b", "version": "1.0"}})
     await shared.until("c", state="running")
     assert shared.node("gone") == {}
 
@@ -410,10 +410,10 @@ async def test_others_may_be_wanted_while_the_supervisor_is_asked(shared: Rig, m
 # -- leases ------------------------------------------------------------------------------------------------------------
 
 
-def leases(since_ns: int, *rows: tuple[str, int], lease_id: str = "x") -> Told:
+def leases(since_ns: int, *rows: tuple[str, int], lease_id: str = "x") -> ControlFrame:
     given = [link_pb2.NodeLease(node=node, lease_id=lease_id, valid_ms=valid_ms, epoch=7) for node, valid_ms in rows]
     frame = link_pb2.NodeLeases(since_ns=since_ns, leases=given)
-    return Told(link_pb2.GatewayFrame(node_leases=frame), SystemClock().monotonic_s())
+    return ControlFrame(link_pb2.GatewayFrame(node_leases=frame), SystemClock().monotonic_s())
 
 
 def moment_of(rig: Rig) -> int:
@@ -423,7 +423,7 @@ def moment_of(rig: Rig) -> int:
 
 
 async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(shared: Rig) -> None:
-    await shared.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "other": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "other": {"allowed": "sleep"}})
     await shared.until("m", state="stopped", why="no lease")
     await shared.up("other")
     first = moment_of(shared)
@@ -433,14 +433,14 @@ async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(shared: 
     shared.link.take(leases(moment_of(shared), ("m", 1_500), lease_id="y"))
     await shared.until("m", lease_id="y")
     shared.link.take(leases(first, ("m", 60_000), lease_id="z"))  # it was long on its way: the newer word holds
-    await shared.desk.verb("other", "restart")  # goes the same way, after it
+    await shared.manager.verb("other", "restart")  # goes the same way, after it
     await shared.again()
     await shared.stop()  # the agent is gone, and with it the link
     await wait_until_async(lambda: not alive(pid), timeout_s=30.0)  # not after a minute
 
 
 async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:
-    await shared.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "a": {"allowed": "sleep"}})
+    await shared.manager.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "a": {"allowed": "sleep"}})
     await shared.until("m", why="no lease")
     moment = moment_of(shared)
     shared.link.take(leases(moment, ("m", 1)))  # it is over when it comes
@@ -450,7 +450,7 @@ async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:
     assert len(shared.told) == 5  # each of them is answered
     shared.link.link_down()
     shared.link.take(leases(moment, ("m", 60_000)))  # the link that it was told over is gone
-    await shared.desk.verb("a", "restart")  # goes the same way, after them
+    await shared.manager.verb("a", "restart")  # goes the same way, after them
     await shared.until("a", state="running")
     assert shared.node("m")["why"] == "no lease"
 
@@ -458,7 +458,7 @@ async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:
 async def test_what_is_not_to_be_had_is_asked_for_ever_more_seldom(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    desk, timeout = Rig(tmp_path).desk, asyncio.timeout
+    manager, timeout = Rig(tmp_path).manager, asyncio.timeout
     waits: list[float | None] = []
     all_passed = asyncio.Event()
 
@@ -470,11 +470,11 @@ async def test_what_is_not_to_be_had_is_asked_for_ever_more_seldom(
         return timeout(0.0 if 1 < len(waits) < 9 else None)
 
     monkeypatch.setattr(asyncio, "timeout", passing)
-    await desk.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
-    keeping = asyncio.create_task(desk._keep())
+    await manager.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
+    keeping = asyncio.create_task(manager._keep())
     await all_passed.wait()
     all_passed.clear()
-    await desk.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
+    await manager.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
     await all_passed.wait()
     keeping.cancel()
     await asyncio.gather(keeping, return_exceptions=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from edge_agent.nodes.ledger import Ledger
-from edge_agent.nodes.trial import Trial
+from edge_agent.nodes.version_trial import VersionTrial
 
 WALL = 1_700_000_000_000_000_000
 
 
-def judge(trial: Trial, now_s: float, *, ran_s: float = 0.0, **node: Any) -> str:
+def evaluate(trial: VersionTrial, now_s: float, *, ran_s: float = 0.0, **node: Any) -> str:
     shown = {
         "version": trial.trying,
         "state": "running",
@@ -20,11 +20,11 @@ def judge(trial: Trial, now_s: float, *, ran_s: float = 0.0, **node: Any) -> str
         "last_exit": "",
         **node,
     }
-    return trial.judge(shown, now_s=now_s, wall_ns=WALL, health_s=20.0, trial_s=180.0)
+    return trial.evaluate(shown, now_s=now_s, wall_ns=WALL, health_s=20.0, trial_s=180.0)
 
 
-def tried(version: str = "2.0", good: str = "1.0") -> Trial:
-    trial = Trial("b", good=good)
+def tried(version: str = "2.0", good: str = "1.0") -> VersionTrial:
+    trial = VersionTrial("b", good=good)
     trial.begin(version)
     assert trial.update(version, fetching=False)["state"] == "trying"
     return trial
@@ -32,67 +32,67 @@ def tried(version: str = "2.0", good: str = "1.0") -> Trial:
 
 def test_who_runs_long_enough_is_good() -> None:
     trial = tried()
-    assert judge(trial, 0.0) == ""
-    assert judge(trial, 19.0, ran_s=19.0) == ""
-    assert judge(trial, 20.0, ran_s=20.0) == "healthy"
+    assert evaluate(trial, 0.0) == ""
+    assert evaluate(trial, 19.0, ran_s=19.0) == ""
+    assert evaluate(trial, 20.0, ran_s=20.0) == "healthy"
     assert trial.good == "2.0"
     assert trial.update("2.0", fetching=False)["state"] == "healthy"
 
 
 def test_a_clock_that_jumps_ahead_makes_nobody_healthy() -> None:
     trial = tried()
-    judge(trial, 0.0)
-    assert judge(trial, 1.0, ran_s=1e6) == ""
+    evaluate(trial, 0.0)
+    assert evaluate(trial, 1.0, ran_s=1e6) == ""
 
 
 def test_three_exits_send_it_back() -> None:
     trial = tried()
-    judge(trial, 0.0, crashes_total=5)
-    assert judge(trial, 1.0, crashes_total=7) == ""
-    assert judge(trial, 2.0, crashes_total=8, last_exit="exit code 1") == "rolled_back"
+    evaluate(trial, 0.0, crashes_total=5)
+    assert evaluate(trial, 1.0, crashes_total=7) == ""
+    assert evaluate(trial, 2.0, crashes_total=8, last_exit="exit code 1") == "rolled_back"
     assert trial.choose("2.0") == "1.0"
     assert trial.choose("3.0") == "3.0"
-    told = trial.update("2.0", fetching=False)
-    assert told["state"] == "rolled_back"
-    assert told["code"] == "node_unhealthy"
-    assert "exit code 1" in told["message"]
+    reported = trial.update("2.0", fetching=False)
+    assert reported["state"] == "rolled_back"
+    assert reported["code"] == "node_unhealthy"
+    assert "exit code 1" in reported["message"]
 
 
 def test_a_quarantine_and_a_wrong_configuration_send_it_back_at_once() -> None:
     for state in ("quarantined", "ended"):
         trial = tried()
-        assert judge(trial, 0.0, state=state, last_exit="exit code 78") == "rolled_back"
+        assert evaluate(trial, 0.0, state=state, last_exit="exit code 78") == "rolled_back"
 
 
 def test_a_slow_death_is_no_health() -> None:
     trial = tried()
     for now_s in range(0, 180, 10):
-        assert judge(trial, float(now_s), ran_s=9.0) == ""
-    assert judge(trial, 181.0, ran_s=9.0) == "rolled_back"
+        assert evaluate(trial, float(now_s), ran_s=9.0) == ""
+    assert evaluate(trial, 181.0, ran_s=9.0) == "rolled_back"
 
 
 def test_without_a_good_one_it_stays_where_it_is() -> None:
     trial = tried(good="")
-    assert judge(trial, 0.0, state="quarantined", last_exit="exit code 1") == "rolled_back"
+    assert evaluate(trial, 0.0, state="quarantined", last_exit="exit code 1") == "rolled_back"
     assert trial.choose("2.0") == "2.0"
 
 
 def test_a_stopped_node_proves_nothing_and_fails_nothing() -> None:
     trial = tried()
-    judge(trial, 0.0)
-    assert judge(trial, 1000.0, state="stopped", since_ns=0) == ""
-    assert judge(trial, 1001.0, ran_s=1.0) == ""
-    assert judge(trial, 1021.0, ran_s=21.0) == "healthy"
+    evaluate(trial, 0.0)
+    assert evaluate(trial, 1000.0, state="stopped", since_ns=0) == ""
+    assert evaluate(trial, 1001.0, ran_s=1.0) == ""
+    assert evaluate(trial, 1021.0, ran_s=21.0) == "healthy"
 
 
 def test_the_old_version_still_running_is_not_judged() -> None:
     trial = tried()
-    assert judge(trial, 0.0, version="1.0", state="quarantined") == ""
+    assert evaluate(trial, 0.0, version="1.0", state="quarantined") == ""
 
 
 def test_another_version_forgives() -> None:
     trial = tried()
-    judge(trial, 0.0, state="quarantined", last_exit="exit code 1")
+    evaluate(trial, 0.0, state="quarantined", last_exit="exit code 1")
     trial.forgive("2.0")
     assert trial.choose("2.0") == "1.0"
     trial.forgive("2.1")

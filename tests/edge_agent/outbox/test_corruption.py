@@ -9,10 +9,10 @@ import pytest
 
 from edge_agent.outbox import LOGS, run_steps, steps
 from metaros.clock import ManualClock
-from tests.support.outbox_drain import deliver
-from tests.support.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
-from tests.support.sim_disk import SimDisk
-from tests.support.sim_gateway import Key, SimStore
+from tests.support.robots.outbox_drain import deliver
+from tests.support.simulation.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
+from tests.support.simulation.sim_disk import SimDisk
+from tests.support.simulation.sim_gateway import Key, SimStore
 
 FRAMES = 2  # at a segment's end, of which every byte is tried
 RANDOM_FLIPS = 100

@@ -14,10 +14,10 @@ import pytest
 from edge_agent.errors import DiskError
 from edge_agent.outbox import LOGS, Disk, OsDisk, run_steps, steps
 from metaros.clock import ManualClock
-from tests.support.counting_calls import FAULTS, CountingCalls, PowerCutError, points
-from tests.support.outbox_drain import check_ledger, deliver
-from tests.support.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
-from tests.support.sim_gateway import SimStore
+from tests.support.robots.counting_calls import FAULTS, CountingCalls, PowerCutError, points
+from tests.support.robots.outbox_drain import check_ledger, deliver
+from tests.support.simulation.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
+from tests.support.simulation.sim_gateway import SimStore
 
 MEMORY = Path("/dev/shm")  # a file system on which a sync costs nothing, where there is one
 

@@ -25,7 +25,7 @@ def can_mount() -> bool:
 
 @pytest.mark.skipif(not can_mount() and not os.environ.get("CI"), reason="needs unshare and tmpfs")
 def test_events_survive_a_full_disk_and_acceptance_resumes(tmp_path: Path) -> None:
-    script = 'mount -t tmpfs -o size=1m none "$1" && exec "$2" -m tests.support.full_disk "$1" "$3"'
+    script = 'mount -t tmpfs -o size=1m none "$1" && exec "$2" -m tests.support.robots.full_disk "$1" "$3"'
     command = ["unshare", "-Urnm", "sh", "-c", script, "sh", str(tmp_path), sys.executable, str(CYCLES)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=ROOT)
     assert done.returncode == 0, done.stderr

@@ -10,10 +10,10 @@ import pytest
 from edge_agent.errors import DiskError, DiskFullError
 from edge_agent.outbox import LOGS, run_steps, steps
 from metaros.clock import ManualClock
-from tests.support.outbox_drain import check_ledger, deliver
-from tests.support.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
-from tests.support.sim_disk import Crash, SimDisk
-from tests.support.sim_gateway import SimStore
+from tests.support.robots.outbox_drain import check_ledger, deliver
+from tests.support.simulation.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
+from tests.support.simulation.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_gateway import SimStore
 
 EVENTS = range(1, 20)
 

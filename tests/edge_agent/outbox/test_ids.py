@@ -6,11 +6,11 @@ import random  # noqa: TID251 - seeded
 
 import pytest
 
-from edge_agent.channels import Channels
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
 from edge_agent.outbox import IdLog
-from edge_agent.topics import TopicTable
 from tests.edge_agent.parts import accept, make_outbox
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 
 def disk() -> SimDisk:

@@ -12,7 +12,7 @@ from edge_agent.outbox import LOGS, ClassPolicy, Kind, Outbox, run_steps, steps
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.limits import Limits
-from tests.support.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_disk import Crash, SimDisk
 
 KIB = 1024
 CLASSES = {
@@ -60,7 +60,7 @@ class World:
         self.rng = random.Random(seed)
         self.clock = ManualClock()
         self.disk = SimDisk(self.rng, size_bytes=self.rng.choice([1 << 40, 900 * KIB, 300 * KIB]))
-        self.keeper = Keeper()
+        self.session_manager = Keeper()
         self.stamp = 0
         self.accepted: dict[tuple[int, int], int] = {}
         self.outbox = self.start()
@@ -87,7 +87,7 @@ class World:
             return outbox
 
     def keeper_marks(self) -> dict[tuple[int, int], int]:
-        return dict(self.keeper.marks)
+        return dict(self.session_manager.marks)
 
     def step(self) -> None:
         act = self.rng.choice(
@@ -121,13 +121,13 @@ class World:
             if taken is None:
                 break
             if self.rng.random() < 0.9:
-                self.keeper.take(self.outbox.epoch_of(taken.era), taken.frame)
+                self.session_manager.take(self.outbox.epoch_of(taken.era), taken.frame)
             else:  # the link is cut with this frame in it
                 self.resume()
                 break
 
     def ack(self) -> None:
-        for (epoch, stream), seq in self.keeper.marks.items():
+        for (epoch, stream), seq in self.session_manager.marks.items():
             self.outbox.acknowledge(stream, epoch, seq)
 
     def link(self) -> None:
@@ -161,7 +161,7 @@ class World:
             self.outbox.resume(self.keeper_marks())
             for name in LOGS:
                 while (taken := self.outbox.take(name)) is not None:
-                    self.keeper.take(self.outbox.epoch_of(taken.era), taken.frame)
+                    self.session_manager.take(self.outbox.epoch_of(taken.era), taken.frame)
             self.clock.advance(1)
             self.ack()
 
@@ -170,10 +170,10 @@ def check(world: World) -> None:
     """Rows and gaps are 1 .. last accepted, disjoint; no content twice."""
     seen: set[tuple[int, object]] = set()
     for key, last in world.accepted.items():
-        rows, gaps = set(world.keeper.rows.get(key, {})), world.keeper.gaps.get(key, set())
+        rows, gaps = set(world.session_manager.rows.get(key, {})), world.session_manager.gaps.get(key, set())
         assert not rows & gaps
         assert rows | gaps >= set(range(1, last + 1)), (key, last)
-    for (_, stream), rows in world.keeper.rows.items():
+    for (_, stream), rows in world.session_manager.rows.items():
         for content in rows.values():
             assert (stream, content) not in seen
             seen.add((stream, content))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import random  # noqa: TID251 - seeded
 
-from edge_agent.channels import METRIC_STREAM, Channels
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import METRIC_STREAM, Channels
 from edge_agent.outbox import Kind, Outbox, forget_series
-from edge_agent.topics import TopicRule, TopicTable
 from metaros._proto import link_pb2
 from metaros.idl import type_hash
 from metaros.limits import Limits
 from tests.edge_agent.parts import accept, make_outbox, taken
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 KIND = "sensor_msgs/msg/Temperature"
 LIMITS = Limits(series_per_robot=8)

@@ -7,7 +7,7 @@ import random  # noqa: TID251 - seeded
 import pytest
 
 from edge_agent.outbox.state import OutboxState
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 
 def saved(state: OutboxState) -> SimDisk:

@@ -12,8 +12,8 @@ from edge_agent.errors import DiskError
 from edge_agent.outbox import Kind, Outbox, OutboxWriter
 from metaros.clock import Clock, ManualClock, SystemClock
 from tests.edge_agent.parts import accept, make_outbox, policies, taken
-from tests.support.sim_disk import SimDisk
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.threads import left_behind, threads_now
+from tests.support.simulation.sim_disk import SimDisk
 from tests.support.waiting import wait_until_async
 
 

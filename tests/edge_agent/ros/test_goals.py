@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from edge_agent.forwarding.scope import Scope
 from edge_agent.ros import goals
 from edge_agent.ros.goals import GoalRunner
-from edge_agent.scope import Scope
 from metaros.clock import ManualClock
 
 

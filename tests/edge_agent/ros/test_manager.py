@@ -11,15 +11,15 @@ import pytest
 
 import metaros
 from gateway.errors import CommandRefusedError, RobotOfflineError
-from gateway.fleet.goal import Goal, GoalEvent
-from gateway.fleet.offer import OfferedGoal
-from gateway.fleet.ros_errors import OfferRefusedError, UnknownActionError, UnknownGoalError
+from gateway.fleet.ros.errors import OfferRefusedError, UnknownActionError, UnknownGoalError
+from gateway.fleet.ros.goal import Goal, GoalEvent
+from gateway.fleet.ros.offer import OfferedGoal
 from metaros._proto import link_pb2
 from metaros.idl import message_class
 from tests.edge_agent.conftest import Robot
-from tests.support.counter import FIBONACCI, Counter
-from tests.support.far_robot import far_robot
-from tests.support.ros_pair import ROBOT, Half, RosPair, ros_pair
+from tests.support.nodes.counter import FIBONACCI, Counter
+from tests.support.robots.custom_types_robot import custom_types_robot
+from tests.support.robots.ros_pair import ROBOT, Half, RosPair, ros_pair
 from tests.support.waiting import wait_until_async
 
 TRIGGER = message_class("std_srvs/srv/Trigger")
@@ -37,7 +37,7 @@ async def all_of(goal: Goal) -> list[GoalEvent]:
         return [event async for event in goal.events()]
 
 
-async def test_the_graph_is_told_whole_and_then_by_differences(robot: Robot) -> None:
+async def test_the_graph_is_reported_whole_and_then_by_differences(robot: Robot) -> None:
     robot.node.create_publisher(str, "chatter")
     robot.node.create_service(TRIGGER, "reset", lambda request, response: response)
     other = robot.other("secret", "/sim_2")
@@ -45,8 +45,8 @@ async def test_the_graph_is_told_whole_and_then_by_differences(robot: Robot) -> 
     other.create_subscription(str, "/sim_1/chatter", lambda text: None)
     async with ros_pair(robot.context) as pair:
         graphs = pair.gateway.ros.graphs
-        told: list[str] = []
-        stop = graphs.watch(told.append)
+        reported: list[str] = []
+        stop = graphs.watch(reported.append)
         await wait_until_async(lambda: bool(graphs.of(ROBOT).subscribers.get("/sim_1/chatter")))
         graph = graphs.of(ROBOT)
         assert "/sim_1/base" in graph.nodes
@@ -66,7 +66,7 @@ async def test_the_graph_is_told_whole_and_then_by_differences(robot: Robot) -> 
         late = [frame.graph for frame in pair.frames[before:] if frame.HasField("graph")]
         assert late
         assert not any(report.anew or report.endpoints for report in late)  # only what went
-        assert set(told) == {ROBOT}
+        assert set(reported) == {ROBOT}
         stop()
         pair.cut()
         assert graphs.of(ROBOT).nodes == graph.nodes  # it stays while the link is away
@@ -75,19 +75,19 @@ async def test_the_graph_is_told_whole_and_then_by_differences(robot: Robot) -> 
         assert "/sim_1/chatter" in graphs.of(ROBOT).publishers
 
 
-async def test_a_gateway_from_before_this_is_told_nothing(robot: Robot) -> None:
+async def test_a_gateway_from_before_this_is_reported_nothing(robot: Robot) -> None:
     async with ros_pair(robot.context) as pair:
         await wait_until_async(lambda: pair.gateway.ros.graphs.of(ROBOT).revision)
         pair.cut()
-        told: list[Any] = []
-        pair.desk.link_up(told.append, link_pb2.Welcome(twin=True))
+        reported: list[Any] = []
+        pair.manager.link_up(reported.append, link_pb2.Welcome(twin=True))
         robot.node.create_publisher(str, "news")
         await wait_until_async(lambda: pair.node.graph.endpoints("/sim_1/news"))
         await asyncio.sleep(0)
-        pair.desk.link_down()
+        pair.manager.link_down()
         pair.link()
         await wait_until_async(lambda: "/sim_1/news" in pair.gateway.ros.graphs.of(ROBOT).publishers)
-        assert told == []
+        assert reported == []
 
 
 async def test_a_service_is_called_by_its_name_alone(robot: Robot) -> None:
@@ -106,7 +106,7 @@ async def test_a_service_of_a_type_that_only_its_node_knows_is_called_in_json(
     robot: Robot, zenoh_router: str, tmp_path: Path
 ) -> None:
     async with ros_pair(robot.context) as pair:
-        with far_robot(zenoh_router, tmp_path / "log", namespace="/sim_1"):
+        with custom_types_robot(zenoh_router, tmp_path / "log", namespace="/sim_1"):
             gateway = pair.gateway
 
             def known() -> bool:
@@ -157,7 +157,7 @@ async def test_a_goal_is_followed_from_feedback_to_its_result(robot: Robot) -> N
         assert await goals.cancel(ROBOT, goal.id) is False
 
 
-async def test_feedback_is_told_before_the_result_that_comes_right_behind_it(robot: Robot) -> None:
+async def test_feedback_is_reported_before_the_result_that_comes_right_behind_it(robot: Robot) -> None:
     counter = Counter(robot.node)
     async with ros_pair(robot.context) as pair:
         await has_action(pair)
@@ -165,8 +165,10 @@ async def test_feedback_is_told_before_the_result_that_comes_right_behind_it(rob
             counter.go.release(3)
             goal = await pair.gateway.ros.goals.send(ROBOT, "count", goal={"order": 3})
             await all_of(goal)
-            told = [event for frame in pair.frames for event in frame.goals.events if event.goal_id.hex() == goal.id]
-            assert [event.ended for event in told[-2:]] == [False, True]
+            reported = [
+                event for frame in pair.frames for event in frame.goals.events if event.goal_id.hex() == goal.id
+            ]
+            assert [event.ended for event in reported[-2:]] == [False, True]
             assert goal.newest_feedback is not None
             assert goal.newest_feedback.value == {"sequence": [0, 1, 2]}
 
@@ -276,18 +278,18 @@ async def test_a_client_runs_goals_of_the_robots_nodes(robot: Robot) -> None:
                 await goal.cancelled()
                 return "canceled", {"sequence": [9]}
             goal.feedback({"sequence": [1]})
-            await wait_until_async(lambda: bool(heard))
+            await wait_until_async(lambda: bool(received))
             return "succeeded", {"sequence": [1, 1]}
 
-        heard: list[Any] = []
+        received: list[Any] = []
         begun: list[int] = []
         await pair.gateway.ros.offers.action(ROBOT, "fib", "example_interfaces/action/Fibonacci", execute)
         client = robot.node.create_action_client(FIBONACCI, "fib")
         assert await asyncio.to_thread(client.wait_for_server, 60)
-        goal = await client.send_goal(FIBONACCI.Goal(order=2), feedback=heard.append, timeout_s=60)
+        goal = await client.send_goal(FIBONACCI.Goal(order=2), feedback=received.append, timeout_s=60)
         done = await goal.result(60)
         assert (done.status.name, list(done.result.sequence)) == ("SUCCEEDED", [1, 1])
-        assert list(heard[0].sequence) == [1]
+        assert list(received[0].sequence) == [1]
         long = await client.send_goal(FIBONACCI.Goal(order=6), timeout_s=60)
         await wait_until_async(lambda: begun == [6])  # one that is cancelled before never runs
         assert await long.cancel(60)

@@ -8,8 +8,8 @@ from typing import cast
 import pytest
 
 from edge_agent.ros import types
-from edge_agent.ros.survey import End
-from edge_agent.ros.types import TypeLearner
+from edge_agent.ros.graph_snapshot import GraphEndpoint
+from edge_agent.ros.types import ServiceTypeDiscovery
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue, default_catalogue, parse_definition
 from metaros.node import Node
@@ -30,12 +30,13 @@ async def test_a_type_is_learned_unless_it_is_too_large(
         return catalogue(int(name.removeprefix("p/srv/Fields")))
 
     monkeypatch.setattr(types, "fetch_type_async", fetch)
-    learner = TypeLearner(cast("Node", None), lambda: None)
+    learner = ServiceTypeDiscovery(cast("Node", None), lambda: None)
     with caplog.at_level(logging.WARNING):
         learner.look(
-            End(link_pb2.ENDPOINT_KIND_SERVER, "/r/n", "/r/s", f"p/srv/Fields{count}", "x", "") for count in (1000, 400)
+            GraphEndpoint(link_pb2.ENDPOINT_KIND_SERVER, "/r/n", "/r/s", f"p/srv/Fields{count}", "x", "")
+            for count in (1000, 400)
         )
         await wait_until_async(lambda: bool(learner.texts) and bool(caplog.records))
     await learner.close()
     assert list(learner.texts) == [("p/srv/Fields400", "x")]
-    assert "p/srv/Fields1000 can only be called in CDR from afar: its definition is too large" in caplog.text
+    assert "p/srv/Fields1000 can only be called remotely in CDR: its definition is too large" in caplog.text

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.config import Settings
-from edge_agent.zenoh_profile import session_environ
+from edge_agent.config.settings import Settings
+from edge_agent.ros.zenoh_profile import session_environ
 from metaros.errors import ConfigError
 from metaros.wire.profile import make_profile
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent import state as module
-from edge_agent.config import Settings
-from edge_agent.state import open_state
-from edge_agent.state_dir import locked
+from edge_agent.config.settings import Settings
+from edge_agent.state import state as module
+from edge_agent.state.state import open_state
+from edge_agent.state.state_dir import locked
 from metaros.clock import SystemClock
 from metaros.errors import ConfigError
 from tests.edge_agent.parts import accept

@@ -13,13 +13,13 @@ import pytest
 
 from edge_agent.errors import DiskError
 from edge_agent.identity.files import IdentityFiles
-from edge_agent.state_dir import default_state_dir, locked
+from edge_agent.state.state_dir import default_state_dir, locked
 from metaros.errors import ConfigError
 
 HOLD = """
 import sys
 from pathlib import Path
-from edge_agent.state_dir import locked
+from edge_agent.state.state_dir import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

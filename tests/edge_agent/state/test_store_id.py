@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import random  # noqa: TID251 - seeded
 
-from edge_agent.store_id import StoreId
-from tests.support.sim_disk import SimDisk
+from edge_agent.state.store_id import StoreId
+from tests.support.simulation.sim_disk import SimDisk
 
 
 def test_it_is_kept() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from edge_agent.outbox import OsDisk
-from edge_agent.report import held_report
+from edge_agent.status.report import held_report
 from edge_agent.twin.record import Pending, Record, Version
 from edge_agent.twin.state import TwinFile
 from metaros.clock import ManualClock
@@ -68,7 +68,7 @@ def test_damage_shortens_the_count_at_most(tmp_path: Path) -> None:
     assert held_report(tmp_path)["classes"][0]["samples"] == 2
 
 
-def test_how_it_stands_with_the_twin_is_told(tmp_path: Path) -> None:
+def test_how_it_stands_with_the_twin_is_reported(tmp_path: Path) -> None:
     (tmp_path / "outbox").mkdir()
     nothing = {"revision": 0, "applied": 0, "state": "applied", "code": "", "message": ""}
     assert held_report(tmp_path)["twin"] == nothing

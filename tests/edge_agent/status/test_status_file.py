@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from edge_agent.status import status_file
+from edge_agent.status.status_file import status_file
 
 
 def test_there_while_the_block_runs(tmp_path: Path) -> None:

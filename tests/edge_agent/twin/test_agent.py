@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import metaros
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.main import run_agent
 from edge_agent.outbox import OsDisk
 from edge_agent.twin.record import Pending, Record, Version
@@ -25,8 +25,8 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS, Limits
 from metaros.link import CHANNEL_MASK
 from tests.edge_agent.conftest import Rig, Robot
-from tests.support.fake_gateway import FakeGateway, fake_gateway
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.fake_gateway import FakeGateway, fake_gateway
+from tests.support.gateways.gateway_half import GatewayHalf
 from tests.support.waiting import wait_until_async
 
 QUICK = replace(LIMITS, twin_report_s=0.02, twin_settle_s=0.2, twin_window_least_s=0.3)
@@ -59,7 +59,7 @@ class Twin:
         return json.loads(self.last.reported or b"{}")
 
     @property
-    def kept(self) -> Record:
+    def persisted(self) -> Record:
         return TwinFile(OsDisk(self.state)).load()
 
     def desire(self, revision: int, *, window_s: float = 20.0, **sections: object) -> None:
@@ -122,13 +122,13 @@ async def test_topics_and_budget_change_while_the_agent_runs_and_are_confirmed(
         assert before.max_rate_hz == 10.0
         twin.desire(1, topics={"chat": {"rate_hz": 2.0}}, budget={"bytes_per_s": 50_000})
         await twin.comes_to(1, "confirming")
-        assert twin.kept.pending is not None
+        assert twin.persisted.pending is not None
         await wait_until_async(lambda: rig.half.channels[before.channel_id].max_rate_hz == 2.0)
         twin.confirm(1)
         await twin.comes_to(1, "applied")
         assert twin.reported["budget"] == {"bytes_per_s": 50_000}
-        assert (twin.kept.pending, twin.kept.applied.revision, twin.last.applied) == (None, 1, 1)
-        assert twin.last.sha256 == twin.kept.applied.sha256
+        assert (twin.persisted.pending, twin.persisted.applied.revision, twin.last.applied) == (None, 1, 1)
+        assert twin.last.sha256 == twin.persisted.applied.sha256
         refused = await rig.result(rig.command(set_uplink=link_pb2.SetUplink(bytes_per_s=9000)))
         assert refused.code == "twin_rules"
         await twin.becomes(2)
@@ -155,10 +155,10 @@ async def test_a_document_that_kills_the_link_is_taken_back_by_itself(
                 await twin.comes_to(0, "applied")
                 sessions = gateway.sessions
                 twin.desire(1, window_s=2.0, topics={"chat": {"class": "bulk"}})
-                await wait_until_async(lambda: twin.kept.pending is not None)
+                await wait_until_async(lambda: twin.persisted.pending is not None)
                 await wait_until_async(lambda: gateway.sessions > sessions)
-                await wait_until_async(lambda: twin.kept.undone == "reverted", timeout_s=90)
-                assert twin.kept.applied.revision == 0
+                await wait_until_async(lambda: twin.persisted.undone == "reverted", timeout_s=90)
+                assert twin.persisted.applied.revision == 0
                 assert not any(report.state == "confirming" for report in rig.half.twins)
                 gateway.half.__class__ = GatewayHalf  # the link is a better one: what waited goes, and it is told
                 await twin.comes_to(1, "reverted")
@@ -186,7 +186,7 @@ async def test_a_node_that_may_not_run_here_makes_the_whole_document_refused(twi
         twin.desire(1, nodes={"x": {"command": ["true"]}}, budget={"bytes_per_s": 50_000})
         await twin.comes_to(1, "refused")
         assert (twin.last.code, twin.reported["budget"]) == ("node_not_allowed", {"bytes_per_s": 0})
-        assert twin.kept.applied.revision == 0
+        assert twin.persisted.applied.revision == 0
 
 
 async def test_a_trial_of_an_earlier_run_of_the_system_is_over_before_the_link_is_up(
@@ -199,7 +199,7 @@ async def test_a_trial_of_an_earlier_run_of_the_system_is_over_before_the_link_i
         await wait_until_async(lambda: bool(twin.gateway.half.twins))
         first = twin.gateway.half.twins[0]
         assert (first.revision, first.applied, first.state) == (4, 0, "reverted")
-        assert twin.kept.pending is None
+        assert twin.persisted.pending is None
 
 
 async def test_a_confirmed_document_holds_after_a_restart_without_any_link(twin: Twin, zenoh_router: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from edge_agent.twin.confirm import AGAIN_S, Confirm, Keep, Live, Tell, risky
+from edge_agent.twin.confirm import AGAIN_S, Apply, CommitConfirm, Persist, Report, risky
 from edge_agent.twin.record import OWN, Record, Version
 from metaros.clock import ManualClock
 
@@ -21,25 +21,25 @@ class Robot:
 
     def __init__(self, record: Record | None = None, clock: ManualClock | None = None, boot_id: str = BOOT) -> None:
         self.clock = clock or ManualClock()
-        self.confirm = Confirm(record or Record(), self.clock, boot_id=boot_id)
+        self.confirm = CommitConfirm(record or Record(), self.clock, boot_id=boot_id)
         self.disk = record or Record()
         self.lives = OWN
         self.told: list[tuple[int, str]] = []
         self.disk_works = True
         self.do(self.confirm.start())
 
-    def do(self, actions: list[Keep | Live | Tell]) -> None:
+    def do(self, actions: list[Persist | Apply | Report]) -> None:
         for action in actions:
             match action:
-                case Keep(record) if self.disk_works:
+                case Persist(record) if self.disk_works:
                     self.disk = record
-                    self.confirm.kept(record)
-                case Keep():
-                    return self.do(self.confirm.not_kept("disk_full", "no space"))
-                case Live(now):
+                    self.confirm.persisted(record)
+                case Persist():
+                    return self.do(self.confirm.persist_failed("disk_full", "no space"))
+                case Apply(now):
                     self.lives = now
-                    self.do(self.confirm.lived())
-                case Tell():
+                    self.do(self.confirm.applied())
+                case Report():
                     self.told.append((self.confirm.revision, self.confirm.state))
         return None
 
@@ -213,7 +213,7 @@ def test_the_robot_goes_back_also_on_a_full_disk() -> None:
 def test_a_version_that_cannot_be_lived_by_is_refused() -> None:
     robot = Robot()
     robot.desired(version(1))
-    robot.do(robot.confirm.failed("twin_apply", "no"))
+    robot.do(robot.confirm.apply_failed("twin_apply", "no"))
     assert (robot.lives, robot.confirm.state, robot.disk.seen) == (OWN, "refused", 1)
 
 

@@ -16,11 +16,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from edge_agent.twin.confirm import Action, Confirm, Keep, Live, Tell
+from edge_agent.twin.confirm import Action, Apply, CommitConfirm, Persist, Report
 from edge_agent.twin.record import OWN, Record, Version
 from edge_agent.twin.state import TwinFile
 from metaros.clock import ManualClock
-from tests.support.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_disk import Crash, SimDisk
 
 __all__ = ["TestConfirm"]
 
@@ -48,7 +48,7 @@ class Confirming(RuleBasedStateMachine):
         """A process starts on the disk."""
         self.up, self.asked = False, 0
         self.to_robot.clear()
-        self.confirm = Confirm(self.load(), self.clock, boot_id=f"boot-{self.boots}")
+        self.confirm = CommitConfirm(self.load(), self.clock, boot_id=f"boot-{self.boots}")
         self.do(self.confirm.start)
 
     def load(self) -> Record:
@@ -65,23 +65,23 @@ class Confirming(RuleBasedStateMachine):
     def perform(self, actions: list[Action]) -> None:
         for action in actions:
             match action:
-                case Keep(record):
+                case Persist(record):
                     if not self.works:
-                        return self.perform(self.confirm.not_kept("disk_error", "it failed"))
+                        return self.perform(self.confirm.persist_failed("disk_error", "it failed"))
                     TwinFile(self.disk).keep(record)
-                    self.confirm.kept(record)
+                    self.confirm.persisted(record)
                     self.floor = record.applied.revision
                     if record.undone:
                         self.undone.add(record.seen)
-                case Live(version):
+                case Apply(version):
                     if self.disk._stops():
                         raise Crash
                     assert version.revision not in self.undone
                     pending = self.confirm.record.pending
                     assert pending is None or self.clock.monotonic_s() < pending.until_s
                     self.lives = version
-                    self.perform(self.confirm.lived())
-                case Tell():
+                    self.perform(self.confirm.applied())
+                case Report():
                     if self.up and self.confirm.state == "confirming":
                         self.asked = self.confirm.revision
         return None

@@ -7,12 +7,12 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+from edge_agent.link.frames import ControlFrame
 from edge_agent.outbox import OsDisk
-from edge_agent.twin.confirm import Confirm
-from edge_agent.twin.desk import TwinDesk
+from edge_agent.twin.confirm import CommitConfirm
+from edge_agent.twin.manager import TwinManager
 from edge_agent.twin.record import Record
 from edge_agent.twin.state import TwinFile
-from edge_agent.uplink.desk import Told
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
@@ -26,12 +26,12 @@ class Applier:
     """Lives by anything at once, but for its nodes."""
 
     def __init__(self) -> None:
-        self.lives_by = b""
+        self.active_version = b""
         self.handed_over = False
 
-    async def live(self, document: bytes, *, trial: bool, known: bool = True) -> None:
+    async def apply(self, document: bytes, *, trial: bool, known: bool = True) -> None:
         """See edge_agent.twin.apply."""
-        self.lives_by = document
+        self.active_version = document
 
     def reported(self) -> dict[str, Any]:
         """See edge_agent.twin.apply."""
@@ -43,20 +43,20 @@ class World:
 
     def __init__(self, folder: Path) -> None:
         self.clock, self.applier = ManualClock(), Applier()
-        self.confirm = Confirm(Record(), self.clock, boot_id="boot")
-        self.desk = TwinDesk(self.confirm, TwinFile(OsDisk(folder)), self.applier, self.clock)  # type: ignore[arg-type]
-        self.desk.link_up(lambda frame: None, link_pb2.Welcome(twin=True))
+        self.confirm = CommitConfirm(Record(), self.clock, boot_id="boot")
+        self.manager = TwinManager(self.confirm, TwinFile(OsDisk(folder)), self.applier, self.clock)  # type: ignore[arg-type]
+        self.manager.link_up(lambda frame: None, link_pb2.Welcome(twin=True))
         digest = hashlib.sha256(DOCUMENT).digest()
         wanted = link_pb2.TwinDesired(
             revision=1, sha256=digest, document=DOCUMENT, confirm_within_ms=int(WINDOW_S * 1000)
         )
-        self.desk.take(Told(link_pb2.GatewayFrame(twin=wanted), 0.0))
-        self.task = asyncio.ensure_future(self.desk.run())
+        self.manager.take(ControlFrame(link_pb2.GatewayFrame(twin=wanted), 0.0))
+        self.task = asyncio.ensure_future(self.manager.run())
 
     async def later(self, seconds: float) -> None:
         """Time passes, and the desk has looked at everything: without a thread, where nothing is to be kept."""
         self.clock.advance(seconds)
-        self.desk.stir()
+        self.manager.mark_changed()
         for _ in range(10):
             await asyncio.sleep(0)
 
@@ -67,7 +67,7 @@ class World:
 
 async def test_the_link_must_live_with_nodes_that_run(tmp_path: Path) -> None:
     world = World(tmp_path)
-    await wait_until_async(lambda: world.applier.lives_by == DOCUMENT)
+    await wait_until_async(lambda: world.applier.active_version == DOCUMENT)
     await world.later(10 * LIMITS.twin_settle_s)
     assert world.confirm.state == "applying"  # the supervisor is slow: nothing of it has begun
     assert world.confirm.confirmed(1) == []
@@ -82,9 +82,9 @@ async def test_the_link_must_live_with_nodes_that_run(tmp_path: Path) -> None:
 
 async def test_nodes_that_never_begin_are_taken_back_with_the_window(tmp_path: Path) -> None:
     world = World(tmp_path)
-    await wait_until_async(lambda: world.applier.lives_by == DOCUMENT)
+    await wait_until_async(lambda: world.applier.active_version == DOCUMENT)
     await world.later(WINDOW_S)
     await wait_until_async(lambda: world.confirm.state == "reverted")
-    assert world.applier.lives_by != DOCUMENT
+    assert world.applier.active_version != DOCUMENT
     assert world.confirm.why[0] == "not_confirmed"
     await world.end()

@@ -11,21 +11,21 @@ from typing import Any
 import pytest
 
 from edge_agent.errors import DiskError
-from edge_agent.scope import Scope
-from edge_agent.twin import values as module
+from edge_agent.forwarding.scope import Scope
+from edge_agent.twin import node_reconciler as module
+from edge_agent.twin.initial_values import InitialValues
 from edge_agent.twin.lifecycle import next_step
-from edge_agent.twin.originals import Originals
-from edge_agent.twin.values import NodeValues
+from edge_agent.twin.node_reconciler import NodeReconciler
 from metaros.errors import UnavailableError
 from metaros.node.parameters import SetResult
-from tests.support.ros_nodes import STEPS, RosNodes
-from tests.support.sim_disk import SimDisk
+from tests.support.robots.ros_nodes import STEPS, RosNodes
+from tests.support.simulation.sim_disk import SimDisk
 from tests.support.waiting import wait_until_async
 
 
 @asynccontextmanager
-async def seeing_to(nodes: RosNodes, disk: SimDisk | None = None) -> AsyncIterator[NodeValues]:
-    values = NodeValues(nodes, Scope("/r"), Originals(disk or SimDisk(random.Random(1))))
+async def seeing_to(nodes: RosNodes, disk: SimDisk | None = None) -> AsyncIterator[NodeReconciler]:
+    values = NodeReconciler(nodes, Scope("/r"), InitialValues(disk or SimDisk(random.Random(1))))
     task = asyncio.create_task(values.run())
     try:
         yield values
@@ -35,7 +35,7 @@ async def seeing_to(nodes: RosNodes, disk: SimDisk | None = None) -> AsyncIterat
     assert not nodes.told
 
 
-def parameters(values: NodeValues, node: str = "/r/a") -> dict[str, Any]:
+def parameters(values: NodeReconciler, node: str = "/r/a") -> dict[str, Any]:
     return dict(values.reported()["parameters"][node])
 
 
@@ -171,14 +171,14 @@ def test_a_damaged_file_of_what_was_before_is_as_none() -> None:
     disk = SimDisk(random.Random(1))
     for data in (b"[1]", b"{", b'{"/a": 3}', b'{"/a": {"life": "1"}}'):
         disk.files["twin/originals.json"] = data
-        assert Originals(disk).nodes == {}
+        assert InitialValues(disk).nodes == {}
 
 
 async def test_too_much_of_it_is_refused() -> None:
-    originals = Originals(SimDisk(random.Random(1)))
-    originals.of("/r/a", "1").parameters = {"text": "x" * (1 << 20)}
+    initial_values = InitialValues(SimDisk(random.Random(1)))
+    initial_values.of("/r/a", "1").parameters = {"text": "x" * (1 << 20)}
     with pytest.raises(DiskError):
-        await originals.keep()
+        await initial_values.keep()
 
 
 @pytest.mark.parametrize(("reached", "start"), [(True, 1.0), (False, 7.0)])

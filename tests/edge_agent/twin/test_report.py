@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from edge_agent.twin.confirm import Confirm
+from edge_agent.twin.confirm import CommitConfirm
 from edge_agent.twin.record import Record
 from edge_agent.twin.report import LOOK_S, Reporter, bounded
 from metaros._proto import link_pb2
@@ -20,7 +20,7 @@ class Rig:
         self.clock = ManualClock()
         self.facts: dict[str, Any] = {"nodes": {}}
         self.sent: list[link_pb2.TwinReport] = []
-        confirm = Confirm(Record(seen=3, undone="refused", code="c", message="m" * 5000), self.clock, boot_id="b")
+        confirm = CommitConfirm(Record(seen=3, undone="refused", code="c", message="m" * 5000), self.clock, boot_id="b")
         self.reporter = Reporter(confirm, lambda: self.facts, self.clock)
 
     def up(self) -> None:
@@ -43,7 +43,7 @@ def test_each_link_hears_one_and_none_is_sent_without_a_link() -> None:
     assert len(report.message) == 1024
     assert json.loads(report.reported) == {"nodes": {}}
     rig.reporter.link(None)
-    rig.reporter.stir()
+    rig.reporter.mark_changed()
     assert not rig.after(1.0)
     rig.up()
     assert rig.after(0.0)
@@ -55,7 +55,7 @@ def test_changes_come_half_a_second_apart_the_newest_only() -> None:
     rig.after(0.0)
     for number in range(40):
         rig.facts = {"nodes": {"n": number}}
-        rig.reporter.stir()
+        rig.reporter.mark_changed()
         rig.after(0.05)
     assert 3 <= len(rig.sent) <= 5
     rig.after(LIMITS.twin_report_s)
@@ -66,7 +66,7 @@ def test_what_did_not_change_is_not_sent_but_where_it_is_asked_for() -> None:
     rig = Rig()
     rig.up()
     rig.after(0.0)
-    rig.reporter.stir()
+    rig.reporter.mark_changed()
     assert not rig.after(1.0)
     assert not rig.after(LOOK_S)
     rig.reporter.ask()

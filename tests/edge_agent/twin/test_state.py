@@ -12,7 +12,7 @@ from edge_agent.errors import DiskFullError
 from edge_agent.outbox import OsDisk
 from edge_agent.twin.record import OWN, Pending, Record, Version
 from edge_agent.twin.state import FILE, TwinFile
-from tests.support.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_disk import Crash, SimDisk
 
 ONE = Version(revision=1, document=b'{"budget":{"bytes_per_s":1000}}')
 TWO = Version(revision=2, document='{"parameters":{"/n":{"name":"Zürich"}}}'.encode())

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.twin.topics import TwinTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.twin.topic_table import TwinTopicTable
 from metaros.errors import NameError_
-from metaros.twin import parse
+from metaros.fleet.twin import parse
 
 OWN = TopicTable(
     [
@@ -18,8 +18,8 @@ OWN = TopicTable(
 )
 
 
-def table(rows: dict[str, dict[str, object]], own: TopicTable = OWN) -> TwinTable:
-    return TwinTable(own, parse({"topics": rows}).topics or (), namespace="/r1")
+def table(rows: dict[str, dict[str, object]], own: TopicTable = OWN) -> TwinTopicTable:
+    return TwinTopicTable(own, parse({"topics": rows}).topics or (), namespace="/r1")
 
 
 def test_a_row_changes_what_it_gives_and_leaves_the_rest() -> None:
@@ -31,7 +31,7 @@ def test_a_row_changes_what_it_gives_and_leaves_the_rest() -> None:
 def test_patterns_are_relative_absolute_or_anywhere() -> None:
     for pattern in ("arm/**", "/r1/arm/*", "**/joint"):
         assert table({pattern: {"rate_hz": 3.0}}).rule("/r1/arm/joint").max_rate_hz == 3.0
-    assert TwinTable(OWN, parse({"topics": {"x": {}}}).topics or (), namespace="/").rule("/x").forward
+    assert TwinTopicTable(OWN, parse({"topics": {"x": {}}}).topics or (), namespace="/").rule("/x").forward
 
 
 def test_a_topic_that_no_row_of_the_robot_names_is_let_out_by_a_row_of_the_twin() -> None:
@@ -56,4 +56,4 @@ def test_what_is_sealed_stays_sealed_and_lets_no_more_fields_out() -> None:
 def test_a_pattern_that_is_too_long_with_its_namespace_is_refused() -> None:
     rows = parse({"topics": {"a" * 250: {}}}).topics or ()
     with pytest.raises(NameError_):
-        TwinTable(OWN, rows, namespace="/" + "n" * 200)
+        TwinTopicTable(OWN, rows, namespace="/" + "n" * 200)

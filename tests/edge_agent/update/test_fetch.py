@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.identity.door import verified
+from edge_agent.identity.gateway_http import verified
 from edge_agent.update.errors import UpdateError
-from edge_agent.update.fetch import Patience
+from edge_agent.update.fetch import TransferLimits
 from edge_agent.update.source import Source
 from metaros.clock import SystemClock
-from tests.support.fleet_ca import FleetCa
-from tests.support.guarded_gateway import server_context
-from tests.support.tuf_repository import TufRepository, serve, utc
+from tests.support.gateways.mtls_gateway import server_context
+from tests.support.servers.fleet_ca import FleetCa
+from tests.support.servers.tuf_repository import TufRepository, serve, utc
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def repository() -> TufRepository:
 def source(folder: Path, url: str, tls: ssl.SSLContext) -> Source:
     """A robot's, with its token."""
     folder.mkdir(exist_ok=True)
-    patience = Patience(head_s=1.0, span_s=1.0, span_bytes=10_000)
+    patience = TransferLimits(head_s=1.0, span_s=1.0, span_bytes=10_000)
     found = Source(folder, url, lambda: tls, SystemClock(), patience=patience)
     found.token = "mrf_secret"
     return found

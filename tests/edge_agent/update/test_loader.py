@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.boot import Loader, state_dir_of
-from edge_agent.update.handover import LOADED, Loaded, loaded
+from edge_agent.update.loader import Loader, state_dir_of
+from edge_agent.update.restart import LOADER_ENV, LoaderInfo, loader_info
 from edge_agent.update.slots import Slots, python_of
-from tests.support.processes import END_S, alive, started
+from tests.support.processes.processes import END_S, alive, started
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script in the place of an interpreter")
@@ -28,7 +28,7 @@ KEEP = """
 from edge_agent.update.slots import Slots
 slots = Slots(state)
 if slots.read().probing:
-    slots.keep()
+    slots.mark_good()
     sys.exit(75)
 """
 HANG = "signal.signal(signal.SIGTERM, lambda *_: sys.exit(0)); time.sleep(600)"
@@ -36,7 +36,7 @@ DEAF = "signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(600)"
 PROGRAM = """
 import sys
 from pathlib import Path
-import edge_agent.boot as boot
+import edge_agent.update.loader as boot
 boot.GRACE_S = boot.PAUSE_S = 0.0
 boot.STOP_S = 0.2
 state, link_s = Path(sys.argv[1]), float(sys.argv[2])
@@ -66,7 +66,7 @@ def install(state: Path, version: str, script: str) -> Slots:
 
 def prepare(state: Path, script: str, old: str = "sys.exit(7)") -> Slots:
     """2.0.0 was kept, and 2.1.0 is on trial."""
-    install(state, "2.0.0", old).keep()
+    install(state, "2.0.0", old).mark_good()
     return install(state, "2.1.0", script)
 
 
@@ -159,15 +159,15 @@ def test_a_second_loader_does_not_count_the_starts_of_the_first(tmp_path: Path) 
         assert slots.read().boots == 1
 
 
-def test_what_the_agent_is_told(tmp_path: Path) -> None:
+def test_what_the_agent_is_reported(tmp_path: Path) -> None:
     loader = Loader(state_dir=tmp_path, arguments=("--name", "r"), health_s=1.5, link_s=3.0, boots=2)
     slots = prepare(tmp_path, "")
     environ = loader.environment(slots.read(), watcher=7)
-    found = loaded(environ)
-    assert found == Loaded(loader=found.loader if found else (), watcher=7, health_s=1.5, link_s=3.0)
+    found = loader_info(environ)
+    assert found == LoaderInfo(loader=found.loader if found else (), watcher=7, health_s=1.5, link_s=3.0)
     assert found.loader[-3:] == ("--", "--name", "r")
-    assert loaded({}) is None
-    assert loaded({LOADED: "{}"}) is None
+    assert loader_info({}) is None
+    assert loader_info({LOADER_ENV: "{}"}) is None
     assert loader.command(slots, slots.read())[-3:] == ["agent", "--name", "r"]
 
 

@@ -14,10 +14,10 @@ from edge_agent.update import nodes as nodes_module
 from edge_agent.update.errors import UpdateFloorError, UpdateForeignError, UpdateOffError
 from edge_agent.update.nodes import NodeBundles
 from edge_agent.update.slots import python_of
-from metaros.bundle import BundleError
+from metaros.fleet.bundle import BundleError
 from metaros.limits import LIMITS
-from tests.support.tuf_repository import Served, TufRepository, make_bundle, make_wheel
-from tests.support.tuf_robot import TufRobot, tuf_robot
+from tests.support.robots.tuf_robot import TufRobot, tuf_robot
+from tests.support.servers.tuf_repository import Served, TufRepository, make_bundle, make_wheel
 
 World = tuple[TufRobot, TufRepository, Served]
 MODULE = "def main():\n    import metaros\n    print('here', metaros.__name__)\n    return 3\n"
@@ -62,9 +62,9 @@ async def test_a_python_bundle_runs_in_its_own_environment(world: World) -> None
     assert await bundles(robot).get("lidar-node", "1.2.0") == found
     assert bundles(robot).directory_of("lidar-node", "1.2.0") == found.folder
     assert len(served.asked) == asked
-    assert robot.source.floor.of("lidar-node") == ""
+    assert robot.source.minimum.of("lidar-node") == ""
     bundles(robot).did_well("lidar-node", "1.2.0")
-    assert robot.source.floor.of("lidar-node") == "1.1.0"
+    assert robot.source.minimum.of("lidar-node") == "1.1.0"
 
 
 async def test_a_command_bundle_is_as_it_is(world: World) -> None:
@@ -83,7 +83,7 @@ async def test_what_is_refused_leaves_nothing_that_counts(world: World) -> None:
     with pytest.raises(UpdateForeignError):
         await found.get("lidar-node", "2.0.0")
     assert found.ready("lidar-node", "2.0.0") is None
-    robot.source.floor.rise("shell", "1.0.1")
+    robot.source.minimum.raise_to("shell", "1.0.1")
     with pytest.raises(UpdateFloorError):
         await found.get("shell", "1.0.0")
     for name, version in (("../x", "1.0.0"), ("shell", "../1.0.0"), ("", "1.0.0")):
@@ -96,7 +96,7 @@ async def test_what_is_below_the_floor_does_not_come_back_from_the_disk(world: W
     found = bundles(robot)
     await found.get("shell", "1.0.0")
     await found.get("shell", "1.0.2")
-    robot.source.floor.rise("shell", "1.0.1")
+    robot.source.minimum.raise_to("shell", "1.0.1")
     with pytest.raises(UpdateFloorError):
         found.ready("shell", "1.0.0")
     with pytest.raises(UpdateFloorError):

@@ -7,15 +7,15 @@ import sys
 
 import pytest
 
-from edge_agent.update.handover import AGAIN
-from tests.support.processes import END_S, started
+from edge_agent.update.restart import RESTART_EXIT_CODE
+from tests.support.processes.processes import END_S, started
 
 PROGRAM = """
 import os, signal, sys, threading
-from edge_agent.update.handover import Handover, Loaded
-handover = Handover(patience_s={patience_s})
+from edge_agent.update.restart import LoaderInfo, RestartRequest
+handover = RestartRequest(patience_s={patience_s})
 signal.signal(signal.SIGTERM, lambda *_: print("asked to end", flush=True))
-handover.ask(Loaded(loader=(sys.executable, "-c", "import os; print('loader', os.getpid())"), watcher={watcher}))
+handover.ask(LoaderInfo(loader=(sys.executable, "-c", "import os; print('loader', os.getpid())"), watcher={watcher}))
 {rest}
 """
 
@@ -34,13 +34,13 @@ def test_the_process_becomes_the_loader() -> None:
     assert (code, text) == (0, f"asked to end\nloader {pid}\n")
 
 
-def test_a_loader_that_waits_is_told() -> None:
+def test_a_loader_that_waits_is_reported() -> None:
     code, text, _ = run("handover.finish()", watcher=os.getpid())
-    assert (code, text) == (AGAIN, "asked to end\n")
+    assert (code, text) == (RESTART_EXIT_CODE, "asked to end\n")
 
 
 @pytest.mark.parametrize("watched", [False, True])
 def test_an_agent_whose_parts_do_not_close_ends_all_the_same(watched: bool) -> None:
     code, text, pid = run("threading.Event().wait()", watcher=os.getpid() if watched else 0, patience_s=0.2)
-    assert code == (AGAIN if watched else 0)
+    assert code == (RESTART_EXIT_CODE if watched else 0)
     assert text == "asked to end\n" + ("" if watched else f"loader {pid}\n")

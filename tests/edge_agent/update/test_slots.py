@@ -13,7 +13,7 @@ import pytest
 from edge_agent.update import slots as slots_module
 from edge_agent.update.errors import SlotError
 from edge_agent.update.slots import BASE, Slots, python_of
-from tests.support.counting_calls import FAULTS, CountingCalls, PowerCutError, points
+from tests.support.robots.counting_calls import FAULTS, CountingCalls, PowerCutError, points
 
 MOST = 2
 MEMORY = Path("/dev/shm")  # a file system on which a sync costs nothing, where there is one
@@ -46,14 +46,14 @@ def life(slots: Slots) -> None:
     """Two good updates, one that ends at every start, and another good one."""
     for version in ("2.1.0", "2.2.0"):
         update(slots, version)
-        slots.keep()
+        slots.mark_good()
     update(slots, "2.3.0")
     while slots.boot(most=MOST).version == "2.3.0":
         pass
     update(slots, "2.4.0")
-    slots.uncount()
+    slots.uncount_boot()
     slots.boot(most=MOST)
-    slots.keep()
+    slots.mark_good()
 
 
 def test_a_life(tmp_path: Path) -> None:
@@ -83,9 +83,9 @@ def test_a_start_finds_a_whole_version_whatever_call_fails(
             assert slots.complete(current.slot, current.version), (fail_at, calls.name)
             assert current.slot == BASE or python_of(slots.path(current.slot)).read_text() == current.version
             found.add(current.version)
-        slots.keep()
+        slots.mark_good()
         update(slots, "9.0.0")
-        slots.keep()
+        slots.mark_good()
         assert slots.boot(most=MOST).version == "9.0.0"
         shutil.rmtree(state)
     assert found >= {"", "2.1.0", "2.2.0", "2.4.0"}
@@ -95,7 +95,7 @@ def test_a_slot_that_is_half_deleted_is_not_whole(tmp_path: Path, monkeypatch: p
     slots = Slots(tmp_path)
     for version in ("2.1.0", "2.2.0"):
         update(slots, version)
-        slots.keep()
+        slots.mark_good()
 
     def stop(folder: Path) -> None:
         raise PowerCutError(str(folder))
@@ -110,7 +110,7 @@ def test_a_slot_that_is_half_deleted_is_not_whole(tmp_path: Path, monkeypatch: p
 def test_a_version_is_counted_before_it_starts_and_taken_back(tmp_path: Path) -> None:
     slots = Slots(tmp_path)
     update(slots, "2.1.0")
-    slots.keep()
+    slots.mark_good()
     slots.switch(fill(slots, "2.2.0"), "2.2.0")
     assert [slots.boot(most=2).version for _ in range(3)] == ["2.2.0", "2.2.0", "2.1.0"]
     current = slots.read()
@@ -121,7 +121,7 @@ def test_a_version_is_counted_before_it_starts_and_taken_back(tmp_path: Path) ->
 def test_a_start_that_cannot_be_counted_is_not_made(tmp_path: Path) -> None:
     slots = Slots(tmp_path)
     update(slots, "2.1.0")
-    slots.keep()
+    slots.mark_good()
     slots.switch(fill(slots, "2.2.0"), "2.2.0")
 
     class ReadOnly(CountingCalls):
@@ -170,7 +170,7 @@ def test_a_switch_to_what_is_not_whole_is_refused(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_the_base_install(tmp_path: Path, text: str) -> None:
     slots = Slots(tmp_path)
     update(slots, "2.1.0")
-    slots.keep()
+    slots.mark_good()
     (slots.folder / "current").write_text(text)
     assert slots.boot(most=2).slot == BASE
     update(slots, "2.2.0")
@@ -179,9 +179,9 @@ def test_what_cannot_be_read_is_the_base_install(tmp_path: Path, text: str) -> N
 def test_a_slot_whose_files_are_gone_is_left(tmp_path: Path) -> None:
     slots = Slots(tmp_path)
     update(slots, "2.1.0")
-    slots.keep()
+    slots.mark_good()
     update(slots, "2.2.0")
-    slots.keep()
+    slots.mark_good()
     shutil.rmtree(slots.path("b") / "venv")
     assert slots.boot(most=2).version == "2.1.0"
     shutil.rmtree(slots.path("a"))

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.update.handover import Loaded
+from edge_agent.update.restart import LoaderInfo
 from edge_agent.update.slots import Slots
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
-from tests.support.tuf_repository import Served, TufRepository, plain
-from tests.support.tuf_robot import OLD, TufRobot, fill_slot, tuf_robot
+from tests.support.robots.tuf_robot import OLD, TufRobot, fill_slot, tuf_robot
+from tests.support.servers.tuf_repository import Served, TufRepository, plain
 from tests.support.waiting import wait_until_async
 
 World = tuple[TufRobot, TufRepository, Served]
@@ -45,18 +45,18 @@ def on_trial(state: Path, *, health_s: float, link_s: float, restarts: list[int]
     """2.1.0 after its first start; 2.0.0 ran before."""
     slots = Slots(state)
     slots.switch(fill_slot(slots, "a", OLD), OLD)
-    slots.keep()
+    slots.mark_good()
     slots.switch(fill_slot(slots, "b", "2.1.0", min_version="2.0.5"), "2.1.0")
     slots.boot(most=3)
     source = Source(state / "update", "http://127.0.0.1:1", lambda: None, SystemClock())  # type: ignore[arg-type,return-value]
     source.folder.mkdir(parents=True)
-    told = Loaded(loader=("x",), health_s=health_s, link_s=link_s)
+    told = LoaderInfo(loader=("x",), health_s=health_s, link_s=link_s)
     return AgentUpdates(
         slots,
         source,
         SystemClock(),
         random.Random(1),
-        loaded=told,
+        loader_info=told,
         running="?",
         restart=lambda: restarts.append(1),
     )
@@ -87,7 +87,7 @@ async def test_a_version_that_stays_linked_is_kept_and_brings_its_floor(tmp_path
         await wait_until_async(lambda: state_of(updates) == "healthy")
     current = Slots(tmp_path).read()
     assert (current.state, current.version) == ("good", "2.1.0")
-    assert Source(tmp_path / "update", "http://x", lambda: None, SystemClock()).floor.of("metaros") == "2.0.5"  # type: ignore[arg-type,return-value]
+    assert Source(tmp_path / "update", "http://x", lambda: None, SystemClock()).minimum.of("metaros") == "2.0.5"  # type: ignore[arg-type,return-value]
     assert changes == ["healthy"]
     assert restarts == []
 
@@ -101,7 +101,7 @@ async def test_a_version_that_never_links_takes_itself_back(tmp_path: Path) -> N
     assert (current.version, current.failed_version) == (OLD, "2.1.0")
     assert current.failed_reason == "it never linked to a gateway"
     assert updates.reported()["update"]["code"] == "update_unhealthy"
-    assert Source(tmp_path / "update", "http://x", lambda: None, SystemClock()).floor.of("metaros") == ""  # type: ignore[arg-type,return-value]
+    assert Source(tmp_path / "update", "http://x", lambda: None, SystemClock()).minimum.of("metaros") == ""  # type: ignore[arg-type,return-value]
 
 
 async def test_a_version_whose_link_breaks_is_not_kept(tmp_path: Path) -> None:
@@ -190,9 +190,9 @@ async def test_it_is_tried_again_once_what_runs_was_wanted_by_name(world: World)
 
 async def test_a_robot_that_is_not_enrolled_refuses(world: World) -> None:
     robot, _, _ = world
-    loaded = Loaded(loader=("x",))
+    loader_info = LoaderInfo(loader=("x",))
     updates = AgentUpdates(
-        robot.slots, None, robot.clock, random.Random(1), loaded=loaded, running=OLD, restart=lambda: None
+        robot.slots, None, robot.clock, random.Random(1), loader_info=loader_info, running=OLD, restart=lambda: None
     )
     assert not await updates.attempt("2.1.0")
     assert updates.reported()["update"]["code"] == "update_off"
@@ -206,7 +206,7 @@ async def test_an_agent_without_a_loader_says_so_and_fetches_nothing(world: Worl
         robot.source,
         robot.clock,
         random.Random(1),
-        loaded=None,
+        loader_info=None,
         running="2.0.0.dev1",
         restart=lambda: None,
     )

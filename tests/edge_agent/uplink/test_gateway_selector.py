@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from edge_agent.uplink.address import parse_address
-from edge_agent.uplink.choice import FIRST_AGAIN_S, Choice
+from edge_agent.config.gateway_address import parse_address
+from edge_agent.uplink.gateway_selector import FIRST_AGAIN_S, GatewaySelector
 from metaros.clock import ManualClock
 
 ONE, TWO = parse_address("one:1"), parse_address("two:2")
 
 
 def test_a_gateway_that_worked_is_kept_and_one_that_failed_makes_place() -> None:
-    choice = Choice([ONE, TWO], ManualClock())
+    choice = GatewaySelector([ONE, TWO], ManualClock())
     choice.worked("grpc")
     assert choice.gateway is ONE
     choice.failed()
@@ -23,7 +23,7 @@ def test_a_gateway_that_worked_is_kept_and_one_that_failed_makes_place() -> None
 
 def test_the_transport_that_worked_is_remembered_for_a_while() -> None:
     clock = ManualClock()
-    choice = Choice([ONE, TWO], clock)
+    choice = GatewaySelector([ONE, TWO], clock)
     assert choice.transports() == ("grpc", "websocket")
     choice.worked("websocket")
     assert choice.transports() == ("websocket", "grpc")
@@ -40,7 +40,7 @@ def test_the_transport_that_worked_is_remembered_for_a_while() -> None:
 
 def test_a_goodbye_keeps_us_away_from_that_gateway() -> None:
     clock = ManualClock()
-    choice = Choice([ONE, TWO], clock)
+    choice = GatewaySelector([ONE, TWO], clock)
     choice.refused("shutting_down", 0.2)
     assert (choice.gateway, choice.hold_s()) == (TWO, 0.0)
     choice.failed()
@@ -51,7 +51,7 @@ def test_a_goodbye_keeps_us_away_from_that_gateway() -> None:
 
 
 def test_a_fenced_agent_stays_away_from_all() -> None:
-    choice = Choice([ONE, TWO], ManualClock())
+    choice = GatewaySelector([ONE, TWO], ManualClock())
     choice.refused("fenced", 5.0)
     assert (choice.gateway, choice.hold_s()) == (ONE, 5.0)
     choice.failed()
@@ -59,6 +59,6 @@ def test_a_fenced_agent_stays_away_from_all() -> None:
 
 
 def test_a_forked_outbox_comes_back_at_once() -> None:
-    choice = Choice([ONE, TWO], ManualClock())
+    choice = GatewaySelector([ONE, TWO], ManualClock())
     choice.refused("forked", 1.0)
     assert (choice.gateway, choice.hold_s()) == (ONE, 0.0)

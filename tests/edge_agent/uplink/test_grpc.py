@@ -10,15 +10,15 @@ import grpc
 import grpc.aio
 import pytest
 
+from edge_agent.config.gateway_address import parse_address
 from edge_agent.errors import LinkError
-from edge_agent.uplink.address import parse_address
 from edge_agent.uplink.grpc import open_grpc, system_roots
 from metaros._proto import link_pb2, link_pb2_grpc
-from tests.support.certificates import make_certificate
-from tests.support.fake_gateway import DATA, FakeGateway, fake_gateway
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.fake_gateway import DATA, FakeGateway, fake_gateway
+from tests.support.gateways.gateway_half import GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running, wait
+from tests.support.robots.uplinks import Owner, feed, running, wait
+from tests.support.servers.certificates import make_certificate
 
 
 async def test_samples_arrive_and_are_acknowledged() -> None:

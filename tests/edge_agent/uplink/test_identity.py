@@ -13,16 +13,16 @@ from edge_agent.errors import LinkError, UnprovenError
 from edge_agent.identity.credentials import Credentials
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
 from edge_agent.identity.key import key_to_pem, new_key
-from edge_agent.identity.renewing import Renewing
+from edge_agent.identity.renewal_task import RenewalTask
 from edge_agent.uplink.session import AgentSession
 from edge_agent.uplink.uplink import transports_with
 from metaros.clock import SystemClock
-from tests.support.certificates import make_certificate
-from tests.support.enrol_door import enrol_door
-from tests.support.fleet_ca import FleetCa
-from tests.support.guarded_gateway import GuardedGrpc, GuardedSocket, guarded, server_context
-from tests.support.nginx import Nginx, nginx_program
-from tests.support.uplinks import WHO, Owner, feed, running, wait
+from tests.support.gateways.mtls_gateway import GuardedGrpc, GuardedSocket, guarded, server_context
+from tests.support.robots.uplinks import WHO, Owner, feed, running, wait
+from tests.support.servers.certificates import make_certificate
+from tests.support.servers.enrol_server import enrol_server
+from tests.support.servers.fleet_ca import FleetCa
+from tests.support.servers.nginx import Nginx, nginx_program
 
 ROBOT = f"spiffe://testfleet/robot/{WHO.robot_id}"
 
@@ -159,11 +159,11 @@ async def test_a_robot_that_was_never_enrolled_says_so_when_asked() -> None:
 
 async def test_a_renewal_while_data_flows_leaves_no_gap(tmp_path: Path) -> None:
     ca = FleetCa()
-    with enrol_door(tmp_path, ca) as door:
-        first = identity_of(ca, url=door.url)
+    with enrol_server(tmp_path, ca) as server:
+        first = identity_of(ca, url=server.url)
         IdentityFiles(tmp_path).save(first)
         credentials = Credentials(first)
-        renewing = Renewing(credentials, tmp_path, SystemClock(), random.Random(1))
+        renewing = RenewalTask(credentials, tmp_path, SystemClock(), random.Random(1))
         async with (
             guarded(GuardedGrpc(ca)) as gateway,
             running(
@@ -191,14 +191,14 @@ async def test_a_renewal_while_data_flows_leaves_no_gap(tmp_path: Path) -> None:
 
 async def test_what_the_gateway_calls_expired_is_renewed_at_once(tmp_path: Path) -> None:
     ca = FleetCa()
-    with enrol_door(tmp_path, ca) as door:
-        credentials = Credentials(identity_of(ca, url=door.url))
-        renewing = Renewing(credentials, tmp_path, SystemClock(), random.Random(1))
+    with enrol_server(tmp_path, ca) as server:
+        credentials = Credentials(identity_of(ca, url=server.url))
+        renewing = RenewalTask(credentials, tmp_path, SystemClock(), random.Random(1))
         assert renewing.rule.state == "fresh"
         task = asyncio.create_task(renewing.run())
         try:
             renewing.now()
-            await wait(lambda: door.times("/enrol/renew") == 1)
+            await wait(lambda: server.times("/enrol/renew") == 1)
         finally:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
@@ -208,11 +208,11 @@ async def test_a_renewal_that_fails_keeps_what_there_is_and_waits(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     ca = FleetCa()
-    with enrol_door(tmp_path, ca) as door:
-        first = identity_of(ca, url=door.url)
+    with enrol_server(tmp_path, ca) as server:
+        first = identity_of(ca, url=server.url)
         credentials = Credentials(first)
-        renewing = Renewing(credentials, tmp_path, SystemClock(), random.Random(1))
-        door.refuse = "certificate_revoked"
+        renewing = RenewalTask(credentials, tmp_path, SystemClock(), random.Random(1))
+        server.refuse = "certificate_revoked"
         assert not await renewing.attempt()
         assert not await renewing.attempt()
     assert credentials.identity == first

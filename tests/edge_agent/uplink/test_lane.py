@@ -10,7 +10,7 @@ from edge_agent.uplink.session import BACKFILL, CONTROL, DATA, LANES
 from metaros._proto import link_pb2
 from tests.edge_agent.parts import accept
 from tests.edge_agent.session_rig import SessionRig
-from tests.support.gateway_half import GatewayHalf, late_stream
+from tests.support.gateways.gateway_half import GatewayHalf, late_stream
 
 
 def run(rig: SessionRig, seconds: float) -> int:

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from edge_agent.blackbox.clip import Clip
-from edge_agent.blackbox.shelf import Shelf
-from edge_agent.uplink.session import BACKFILL, LANES, AgentSession, Queues
+from edge_agent.blackbox.recording_store import RecordingStore
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import BACKFILL, LANES, AgentSession
 from metaros._proto import link_pb2
 from metaros.limits import Limits
 from tests.edge_agent.session_rig import SessionRig
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.gateway_half import GatewayHalf
 
 KIB, MIB = 1024, 1024 * 1024
 
@@ -36,7 +37,7 @@ class Rig(SessionRig):
     half: Half
 
     def __init__(self, folder: Path) -> None:
-        self.shelf = Shelf(folder)
+        self.recordings = RecordingStore(folder)
         self.half = Half()
         super().__init__(self.half)
         self.budget.uplink_bytes_per_s = 1e8
@@ -44,12 +45,12 @@ class Rig(SessionRig):
     @property
     def queues(self) -> Queues:
         queues = super().queues
-        return Queues(queues.channels, queues.outbox, queues.live, queues.linger, queues.budget, self.shelf)
+        return Queues(queues.channels, queues.outbox, queues.live, queues.linger, queues.budget, self.recordings)
 
     def add(self, number: int, data: bytes) -> None:
-        self.shelf.draft(ident(number)).write_bytes(data)
+        self.recordings.draft(ident(number)).write_bytes(data)
         clip = Clip(size_bytes=len(data), sha256=bytes([number]) * 32, from_ns=5, to_ns=9, messages=7)
-        self.shelf.add(self.shelf.keep(ident(number), clip, made_ns=number))
+        self.recordings.add(self.recordings.keep(ident(number), clip, made_ns=number))
 
     def turn(self, seconds: float = 0.05) -> None:
         """Everything that may go goes, both ways."""
@@ -98,10 +99,10 @@ def test_it_is_sent_whole_within_the_window_and_deleted_when_it_is_stored(rig: R
         assert before < len(rig.got(1)) <= before + MIB
     assert rig.got(1) == data
     assert {(part.size_bytes, part.sha256) for part in rig.half.parts} == {(len(data), b"\1" * 32)}
-    assert len(rig.shelf) == 1
+    assert len(rig.recordings) == 1
     rig.half.want(1, len(data), stored=True)
     rig.turn()
-    assert (len(rig.shelf), rig.shelf.was_here(ident(1))) == (0, True)
+    assert (len(rig.recordings), rig.recordings.was_here(ident(1))) == (0, True)
 
 
 def test_no_progress_means_again_from_there(rig: Rig) -> None:
@@ -148,22 +149,22 @@ def test_unwanted_and_unknown_ones_and_nonsense(rig: Rig) -> None:
     rig.half.want(1, unwanted=True)
     rig.half.want(2, 1000)
     rig.turn()
-    assert [saved.recording_id for saved in rig.shelf] == [ident(2)]
+    assert [saved.recording_id for saved in rig.recordings] == [ident(2)]
     assert rig.half.parts == []
 
 
-def test_a_file_that_went_bad_is_told_as_failed_once_a_session(rig: Rig) -> None:
+def test_a_file_that_went_bad_is_reported_as_failed_once_a_session(rig: Rig) -> None:
     rig.add(1, b"x" * 1000)
     rig.connect()
     rig.turn()
-    next(rig.shelf._folder.glob("*.mcap")).write_bytes(b"short")
+    next(rig.recordings._folder.glob("*.mcap")).write_bytes(b"short")
     rig.half.want(1)
     rig.turn()
     assert [offer.failed for offer in rig.half.offers] == ["", "damaged"]
     assert rig.half.parts == []
     rig.half.want(1, unwanted=True)
     rig.turn()
-    assert len(rig.shelf) == 0
+    assert len(rig.recordings) == 0
 
 
 def test_a_pause_of_the_lane_does_not_concern_recordings(rig: Rig) -> None:
@@ -214,7 +215,7 @@ def test_bulk_without_end_does_not_keep_a_recording_from_coming(rig: Rig) -> Non
     rig.add(1, os.urandom(600 * KIB))
     rig.connect()
     rig.half.want(1)
-    begin_s, bulk, told, produced = rig.clock.monotonic_s(), os.urandom(8 * KIB), 0, 0
+    begin_s, bulk, reported, produced = rig.clock.monotonic_s(), os.urandom(8 * KIB), 0, 0
     while (passed_s := rig.clock.monotonic_s() - begin_s) < 10:
         while produced < 80_000 * passed_s:
             rig.put("/bulk/a", bulk, "bulk")
@@ -223,13 +224,13 @@ def test_bulk_without_end_does_not_keep_a_recording_from_coming(rig: Rig) -> Non
         rig.send()
         waits = [wait_s for lane in LANES if (wait_s := rig.session.wait_s(lane)) is not None]
         rig.clock.advance(min(max(min(waits), 1e-4), 0.05))
-        if len(rig.got(1)) > told:
-            told = len(rig.got(1))
-            rig.half.want(1, told)
-    assert told > 0.5 * 35_000 * 10, "most of back-fill's share"
+        if len(rig.got(1)) > reported:
+            reported = len(rig.got(1))
+            rig.half.want(1, reported)
+    assert reported > 0.5 * 35_000 * 10, "most of back-fill's share"
 
 
-def test_an_agent_without_a_shelf_ignores_what_it_is_told(tmp_path: Path) -> None:
+def test_an_agent_without_a_shelf_ignores_what_it_is_reported(tmp_path: Path) -> None:
     half = Half()
     rig = SessionRig(half)
     rig.connect()

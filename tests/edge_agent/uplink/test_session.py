@@ -10,16 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from edge_agent.errors import LinkDeadError, LinkError, RefusedError
-from edge_agent.uplink.session import (
-    BACKFILL,
-    CONTROL,
-    DATA,
-    LANES,
-    CommandArrived,
-    Established,
-    TeleopArrived,
-    Told,
-)
+from edge_agent.link.frames import CommandArrived, ControlFrame, TeleopArrived
+from edge_agent.uplink.session import BACKFILL, CONTROL, DATA, LANES, Established
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.idl import type_hash
@@ -27,7 +19,7 @@ from metaros.link import BACKFILL_BIT
 from tests.edge_agent.parts import accept
 from tests.edge_agent.session_rig import BATTERY, EPOCH, TOPICS
 from tests.edge_agent.session_rig import SessionRig as Rig
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.gateway_half import GatewayHalf
 
 
 def test_hello_says_who_and_what_is_held() -> None:
@@ -329,7 +321,7 @@ def test_silence_kills_the_session() -> None:
     rig.clock.advance(14.9)
     rig.session.check()
     rig.clock.advance(0.2)
-    with pytest.raises(LinkDeadError, match="nothing heard"):
+    with pytest.raises(LinkDeadError, match="nothing received"):
         rig.session.check()
 
 
@@ -384,14 +376,14 @@ def test_a_frame_of_a_newer_gateway_is_passed_over() -> None:
     assert rig.send() > 0
 
 
-def test_frames_of_the_desks_are_handed_on() -> None:
+def test_frames_of_the_managers_are_handed_on() -> None:
     rig = Rig()
     rig.connect()
     rig.settle()
     desired = link_pb2.GatewayFrame(twin=link_pb2.TwinDesired(revision=4))
     leases = link_pb2.GatewayFrame(node_leases=link_pb2.NodeLeases(since_ns=7))
-    assert rig.session.receive(CONTROL, desired) == [Told(desired, rig.clock.monotonic_s())]
-    assert rig.session.receive(CONTROL, leases) == [Told(leases, rig.clock.monotonic_s())]
+    assert rig.session.receive(CONTROL, desired) == [ControlFrame(desired, rig.clock.monotonic_s())]
+    assert rig.session.receive(CONTROL, leases) == [ControlFrame(leases, rig.clock.monotonic_s())]
 
 
 @pytest.mark.parametrize(

@@ -9,21 +9,23 @@ from typing import Any, cast
 
 import pytest
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channels
-from edge_agent.commands import Commands
+from edge_agent.commands.dispatcher import CommandDispatcher
+from edge_agent.commands.teleop import Teleop
+from edge_agent.config.topic_table import TopicTable
 from edge_agent.errors import LinkError, RefusedError
-from edge_agent.live import LiveQueue
-from edge_agent.store_id import StoreId
-from edge_agent.teleop import Teleop
-from edge_agent.topics import TopicTable
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.keeper import SessionKeeper
-from edge_agent.uplink.session import CommandArrived, Established, Identity, Queues, TeleopArrived
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.link.budget import Budget
+from edge_agent.link.frames import CommandArrived, TeleopArrived
+from edge_agent.state.store_id import StoreId
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import Established, Identity
+from edge_agent.uplink.session_manager import SessionManager
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from tests.edge_agent.parts import accept, make_outbox
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 WHO = Identity(robot_id="r", session_id=bytes(16), agent_version="0", namespace="/", hostname="h")
 
@@ -60,11 +62,11 @@ class Rig:
         )
         self.woken = 0
         self.store_id = StoreId(self.disk)
-        self.keeper = SessionKeeper(
+        self.session_manager = SessionManager(
             WHO,
             self.queues,
             cast(Teleop, self.ends),
-            cast(Commands, self.ends),
+            cast(CommandDispatcher, self.ends),
             self.clock,
             store_id=self.store_id,
             malformed=int,
@@ -77,31 +79,31 @@ class Rig:
 
 def test_numbers_grow_and_a_restarted_agent_begins_above_its_older_self() -> None:
     rig = Rig()
-    first, second = rig.keeper.new_session(), rig.keeper.new_session()
+    first, second = rig.session_manager.new_session(), rig.session_manager.new_session()
     assert second.number == first.number + 1
     rig.clock.advance(1.0)
-    rig.keeper = SessionKeeper(
+    rig.session_manager = SessionManager(
         WHO,
         rig.queues,
         cast(Teleop, rig.ends),
-        cast(Commands, rig.ends),
+        cast(CommandDispatcher, rig.ends),
         rig.clock,
         store_id=rig.store_id,
         malformed=int,
         wake=rig.wake,
     )
-    assert rig.keeper.new_session().number > second.number
+    assert rig.session_manager.new_session().number > second.number
 
 
 def test_an_established_session_makes_what_comes_fresh_and_its_store_ours() -> None:
     rig = Rig()
-    session = rig.keeper.new_session()
+    session = rig.session_manager.new_session()
     assert not rig.outbox.online
-    rig.keeper.handle(session, Established("gw", "hall-3"))
+    rig.session_manager.handle(session, Established("gw", "hall-3"))
     assert rig.outbox.online
     assert StoreId(rig.disk).value == "hall-3"
-    assert rig.keeper.new_session().store_id == "hall-3"
-    rig.keeper.session_ended(LinkError("gone"))
+    assert rig.session_manager.new_session().store_id == "hall-3"
+    rig.session_manager.session_ended(LinkError("gone"))
     assert not rig.outbox.online
 
 
@@ -111,17 +113,17 @@ def test_the_end_stops_what_moves_and_forgets_what_only_viewers_wanted() -> None
     assert channel is not None
     rig.queues.channels.demand({channel.channel_id: 5.0})
     rig.queues.live.append(channel, 1, b"x")
-    rig.keeper.session_ended()
+    rig.session_manager.session_ended()
     assert (rig.ends.lost, len(rig.queues.live), channel.selector.demand_hz) == (1, 0, None)
 
 
 def test_commands_and_teleop_go_on_and_answers_come_back() -> None:
     rig = Rig()
-    session = rig.keeper.new_session()
+    session = rig.session_manager.new_session()
     teleop = TeleopArrived(link_pb2.Teleop(seq=4), 0.1)
-    rig.keeper.handle(session, teleop)
+    rig.session_manager.handle(session, teleop)
     assert rig.ends.drives == [teleop]
-    rig.keeper.handle(session, CommandArrived(link_pb2.Command(command_id=b"c" * 16), 1.0))
+    rig.session_manager.handle(session, CommandArrived(link_pb2.Command(command_id=b"c" * 16), 1.0))
     assert len(rig.ends.commands) == 1
     assert rig.woken == 1
 
@@ -132,12 +134,12 @@ def test_a_fork_puts_what_is_held_under_new_epochs(caplog: pytest.LogCaptureFixt
     accept(rig.outbox)
     (before,) = rig.outbox.ranges()
     with caplog.at_level(logging.WARNING):
-        rig.keeper.session_ended(RefusedError("forked", "another copy"))
+        rig.session_manager.session_ended(RefusedError("forked", "another copy"))
     (after,) = rig.outbox.ranges()
     assert after.epoch != before.epoch
     assert (after.first_seq, after.last_seq, after.base_seq) == (1, 1, 0)
     assert "another copy of this outbox" in caplog.text
-    rig.keeper.session_ended(RefusedError("fenced", "a newer session"))
+    rig.session_manager.session_ended(RefusedError("fenced", "a newer session"))
     assert rig.outbox.ranges() == [after]
 
 
@@ -147,8 +149,8 @@ def test_a_fork_on_a_full_disk_is_said_and_tried_again() -> None:
     accept(rig.outbox)
     (before,) = rig.outbox.ranges()
     rig.disk.size_bytes = 0
-    rig.keeper.session_ended(RefusedError("forked", "another copy"))
+    rig.session_manager.session_ended(RefusedError("forked", "another copy"))
     assert rig.outbox.ranges() == [before]
     rig.disk.size_bytes = 1 << 30
-    rig.keeper.session_ended(RefusedError("forked", "another copy"))
+    rig.session_manager.session_ended(RefusedError("forked", "another copy"))
     assert rig.outbox.ranges() != [before]

@@ -9,20 +9,20 @@ import socket
 
 import pytest
 
+from edge_agent.config.gateway_address import GatewayAddress, parse_address
 from edge_agent.errors import LinkDeadError, LinkError, RefusedError
-from edge_agent.uplink.address import GatewayAddress, parse_address
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.grpc import open_grpc
-from edge_agent.uplink.reach import reach
+from edge_agent.uplink.reachability import wait_reachable
 from edge_agent.uplink.transport import Connection
 from edge_agent.uplink.uplink import TRANSPORTS, Uplink
 from metaros._proto import link_pb2
-from tests.support.fake_gateway import FakeGateway, fake_gateway
-from tests.support.fake_gateway_ws import websocket_gateway
-from tests.support.forward_proxy import forward_proxy
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.fake_gateway import FakeGateway, fake_gateway
+from tests.support.gateways.fake_gateway_ws import websocket_gateway
+from tests.support.gateways.gateway_half import GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running, wait
+from tests.support.robots.uplinks import Owner, feed, running, wait
+from tests.support.servers.forward_proxy import forward_proxy
 
 
 async def test_the_websocket_is_found_where_grpc_does_not_work_and_remembered() -> None:
@@ -142,7 +142,7 @@ async def test_the_wait_before_the_next_attempt_grows_until_a_session_was_good()
             await asyncio.Event().wait()
         raise LinkError("nobody there")
 
-    uplink = Uplink([parse_address("a:1")], owner, Counted(random.Random(1)), owner.clock, reach=nobody)
+    uplink = Uplink([parse_address("a:1")], owner, Counted(random.Random(1)), owner.clock, wait_reachable=nobody)
     task = asyncio.create_task(uplink.run())
     await wait(lambda: len(waits) == 6)
     task.cancel()
@@ -157,11 +157,11 @@ async def test_each_state_of_the_link_is_said_once(caplog: pytest.LogCaptureFixt
 
     async def counted(address: GatewayAddress) -> None:
         attempts.append(address)
-        await reach(address)
+        await wait_reachable(address)
 
     async with fake_gateway() as gateway:
         missing = f"127.0.0.1:{free_port()}"
-        async with running(missing, gateway.target, reach=counted) as (owner, _uplink):
+        async with running(missing, gateway.target, wait_reachable=counted) as (owner, _uplink):
             await wait(lambda: owner.ups == 1)
             await gateway.stop()
             await wait(lambda: len(owner.errors) >= 1)

@@ -6,16 +6,16 @@ import hashlib
 
 import pytest
 
+from edge_agent.config.gateway_address import parse_address
 from edge_agent.errors import LinkError
-from edge_agent.uplink.address import parse_address
 from edge_agent.uplink.websocket import open_websocket
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS
-from tests.support.fake_gateway_ws import WebSocketGateway, websocket_gateway
-from tests.support.gateway_half import DATA, GatewayHalf
+from tests.support.gateways.fake_gateway_ws import WebSocketGateway, websocket_gateway
+from tests.support.gateways.gateway_half import DATA, GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running, wait
+from tests.support.robots.uplinks import Owner, feed, running, wait
 
 
 def url(gateway: WebSocketGateway) -> str:

@@ -28,7 +28,7 @@ def test_nothing_is_ever_open_before_a_welcome() -> None:
     assert not Window().open()
 
 
-def test_streams_and_epochs_are_told_apart() -> None:
+def test_streams_and_epochs_are_reported_apart() -> None:
     window = Window(max_bytes=1000, max_batches=10)
     window.sent(1, 5, 1, 10, 0.0)
     window.sent(2, 5, 1, 20, 0.0)

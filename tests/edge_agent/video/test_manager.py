@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 
-from edge_agent.channels import Channels
-from edge_agent.scope import Scope
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.desk import Told
-from edge_agent.video.desk import VideoDesk
-from edge_agent.video.line import VideoLine
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.scope import Scope
+from edge_agent.forwarding.video_queue import VideoQueue
+from edge_agent.link.budget import Budget
+from edge_agent.link.frames import ControlFrame
+from edge_agent.video.manager import VideoManager
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -40,7 +40,7 @@ class Rig:
         budget = Budget(limit_bytes_per_s=bytes_per_s, now_s=0.0)
         self.said: list[tuple[str, bool, int, int]] = []
         self._refuse = refuse
-        self.desk = VideoDesk(self.channels, Scope("/r1"), budget, self._publish, self.clock)
+        self.manager = VideoManager(self.channels, Scope("/r1"), budget, self._publish, self.clock)
 
     def _publish(self, topic: str, type_name: str, hash_text: str, payload: bytes) -> None:
         if self._refuse:
@@ -49,7 +49,7 @@ class Rig:
         demand = codec(DEMAND).decode(payload)
         self.said.append((topic, demand.key_frame, demand.viewers, demand.bitrate_bps))
 
-    def line(self, number: int = 1) -> VideoLine:
+    def line(self, number: int = 1) -> VideoQueue:
         channel = self.channels.by_id(number)
         assert channel is not None
         assert channel.video is not None
@@ -57,15 +57,15 @@ class Rig:
 
     def demand(self, *entries: tuple[int, int, int]) -> None:
         """The gateway wants these channels, with so many viewers, and that number of key frames."""
-        told = link_pb2.Demand(
+        reported = link_pb2.Demand(
             entries=[link_pb2.DemandEntry(channel_id=n, viewers=v, key_frames=k) for n, v, k in entries]
         )
-        self.desk.take(Told(link_pb2.GatewayFrame(demand=told), 0.0))
+        self.manager.take(ControlFrame(link_pb2.GatewayFrame(demand=reported), 0.0))
 
     def look(self, after_s: float = 0.25) -> list[tuple[str, bool, int, int]]:
         """What is said when so much time has passed, since the last time."""
         self.clock.advance(after_s)
-        self.desk.look()
+        self.manager.look()
         said, self.said = self.said, []
         return said
 
@@ -73,16 +73,16 @@ class Rig:
 FRONT, REAR = "/r1/front/video/demand", "/r1/rear/video/demand"
 
 
-def test_only_video_of_this_robot_is_told() -> None:
+def test_only_video_of_this_robot_is_reported() -> None:
     rig = Rig()
     rig.demand((1, 2, 0), (2, 1, 0), (3, 1, 0), (4, 1, 0), (99, 1, 0))
     assert rig.said == [(FRONT, True, 2, 0), (REAR, True, 1, 0)]
     rig.said.clear()
     rig.demand((2, 1, 0))
     assert rig.said == [(FRONT, False, 0, 0)]
-    rig.desk.link_down()
+    rig.manager.link_down()
     assert rig.said[1:] == [(REAR, False, 0, 0)]
-    rig.desk.link_down()
+    rig.manager.link_down()
     assert len(rig.said) == 2
 
 
@@ -129,26 +129,26 @@ def test_the_bit_rate_follows_budget_and_backlog() -> None:
     rig.said.clear()
     assert rig.look(1.0) == [(FRONT, False, 1, 2_500_000)]
     line = rig.line()
-    line.joined(0)
-    line.joined(500_000_000)
+    line.pushed(0)
+    line.pushed(500_000_000)
     line.sent_bytes += 150_000  # 1.2 Mbit in a second
     assert rig.look(1.0) == [(FRONT, False, 1, 650_000)]
-    line.left(10)
-    line.left(10)
+    line.popped(10)
+    line.popped(10)
     said = [rig.look(1.0) for _ in range(5)]
     assert [some[0][3] for some in said if some][-1] == 1_000_000
 
 
-def test_a_source_that_cannot_be_told_ends_nothing() -> None:
+def test_a_source_that_cannot_be_reported_ends_nothing() -> None:
     rig = Rig(refuse=True)
     rig.demand((1, 1, 0))
-    rig.desk.link_down()
+    rig.manager.link_down()
     assert rig.said == []
 
 
 async def test_it_looks_by_itself_while_somebody_watches_and_says_when_it_ends() -> None:
     rig = Rig()
-    running = asyncio.create_task(rig.desk.run())
+    running = asyncio.create_task(rig.manager.run())
     rig.demand((1, 1, 0))
     rig.clock.advance(1.0)
     rig.line().key_wanted = True
@@ -159,10 +159,10 @@ async def test_it_looks_by_itself_while_somebody_watches_and_says_when_it_ends()
     assert rig.said[-1] == (FRONT, False, 0, 0)
 
 
-def test_the_session_hands_the_desk_what_is_wanted() -> None:
+def test_the_session_hands_the_manager_what_is_wanted() -> None:
     rig = SessionRig()
     rig.connect()
     frame = link_pb2.GatewayFrame(demand=link_pb2.Demand(entries=[link_pb2.DemandEntry(channel_id=4, key_frames=7)]))
-    (told,) = rig.session.receive(link_pb2.LANE_CONTROL, frame)
-    assert isinstance(told, Told)
-    assert told.frame == frame
+    (reported,) = rig.session.receive(link_pb2.LANE_CONTROL, frame)
+    assert isinstance(reported, ControlFrame)
+    assert reported.frame == frame

@@ -5,17 +5,17 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_agent.batch import Linger
-from edge_agent.channel import Channel
-from edge_agent.channels import Channels
-from edge_agent.live import OVERHEAD_BYTES, LiveQueue
-from edge_agent.pipeline import Arrival, Pipeline
-from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channel import Channel
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import OVERHEAD_BYTES, LiveQueue
+from edge_agent.forwarding.pipeline import Arrival, Pipeline
 from metaros._proto import link_pb2
 from metaros.idl import type_hash
 from metaros.link import unpack_batch
 from tests.edge_agent.parts import make_outbox, taken
-from tests.support.video import COMPRESSED_VIDEO, access_units, pictures, video_message
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, pictures, video_message
 
 UNITS = access_units(24, group=6)
 MESSAGES = [video_message(unit) for unit in UNITS]
@@ -121,8 +121,8 @@ def test_a_full_queue_drops_up_to_the_newest_key_frame() -> None:
     assert sent == [6, 7, 8, 9]
     assert rig.channel.dropped == 6
     assert rig.channel.video is not None
-    assert rig.channel.video.behind()
-    assert not rig.channel.video.behind(), "asked again, it keeps up"
+    assert rig.channel.video.is_behind()
+    assert not rig.channel.video.is_behind(), "asked again, it keeps up"
     assert not rig.channel.video.key_wanted
 
 
@@ -197,7 +197,7 @@ def test_what_goes_out_can_be_decoded_however_slow_the_link_is(moves: list[tuple
     assert rig.live.size_bytes == 0
 
 
-def test_frames_are_told_apart_before_they_are_sealed() -> None:
+def test_frames_are_reported_apart_before_they_are_sealed() -> None:
     rig = Rig(live_bytes=sum(SIZES[:9]))
     rig.live.seal = lambda channel, seq, payload: payload[::-1]
     rig.channels.demand({1: 0.0})

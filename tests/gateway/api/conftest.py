@@ -1,4 +1,4 @@
-"""What all tests of the gateway's doors have in common."""
+"""What all tests of the gateway's endpoints have in common."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.api import attendance, bodies, rate
-from gateway.api.grpc import attended
+from gateway.api import open_connections
+from gateway.api.grpc import stream_authorization
+from gateway.api.middleware import bodies, rate
 from metaros.limits import LIMITS
 
 
@@ -21,6 +22,6 @@ def _refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def attentive(monkeypatch: pytest.MonkeyPatch) -> None:
     """For the gateways that the test starts: whether who is connected may still be there is asked all the time."""
-    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
-    monkeypatch.setattr(attended, "STILL_S", 0.02)
-    monkeypatch.setattr(attended, "LOOK_S", 0.02)
+    monkeypatch.setattr(open_connections, "LIMITS", replace(LIMITS, credential_check_s=0.02))
+    monkeypatch.setattr(stream_authorization, "RECHECK_S", 0.02)
+    monkeypatch.setattr(stream_authorization, "POLL_S", 0.02)

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from gateway.api.later_route import LaterRoute, api_router
+from gateway.api.lazy_route import LazyRoute, api_router
 
 
 async def test_a_route_is_prepared_when_it_is_asked_and_not_before() -> None:
@@ -38,7 +38,7 @@ async def test_a_route_is_prepared_when_it_is_asked_and_not_before() -> None:
 def test_gateways_of_several_threads_prepare_it_once() -> None:
     made = []
 
-    class Counted(LaterRoute):
+    class Counted(LazyRoute):
         def __setattr__(self, name: str, value: object) -> None:
             made.extend([name] * (name == "dependant"))
             super().__setattr__(name, value)

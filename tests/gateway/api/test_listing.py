@@ -14,12 +14,12 @@ import pytest_asyncio
 from pydantic import BaseModel
 
 from gateway.api import robot_rows as module
-from gateway.api.conditional import entity_tag, matches
 from gateway.api.listing import page_of, read_fields
-from gateway.api.models import Robot as RobotDocument
+from gateway.api.middleware.conditional import entity_tag, matches
+from gateway.api.models.common import Robot as RobotDocument
 from gateway.api.robot_rows import RobotRows
 from gateway.api.robot_search import RobotQuery, RobotSearch
-from gateway.domain.lease import Lease
+from gateway.domain.fleet.lease import Lease
 from gateway.domain.principal import Role
 from gateway.domain.robot import Robot
 from gateway.errors import InvalidRequestError

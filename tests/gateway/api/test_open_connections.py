@@ -15,17 +15,17 @@ from starlette.requests import HTTPConnection
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidStatus
 
-from gateway.api.allow import CREDENTIAL_KEY, PRINCIPAL_KEY
-from gateway.api.attendance import Attendance
-from gateway.api.authenticate import Credential
+from gateway.api.authorization import CREDENTIAL_KEY, PRINCIPAL_KEY
+from gateway.api.middleware.authenticate import Credential
+from gateway.api.open_connections import OpenConnections
 from gateway.domain.principal import Principal, Role
 from gateway.errors import CredentialsError, StoreError
-from gateway.identity.store_door import REMEMBERED_S
+from gateway.identity.store_authenticator import REMEMBERED_S
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, hear, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 
 async def end_of(socket: ClientConnection) -> tuple[int, str]:
@@ -36,7 +36,7 @@ async def end_of(socket: ClientConnection) -> tuple[int, str]:
 
 
 def test_it_asks_often_enough() -> None:
-    assert LIMITS.attendance_s + REMEMBERED_S < 5.0, "a revoked credential's sockets end within 5 s"
+    assert LIMITS.credential_check_s + REMEMBERED_S < 5.0, "a revoked credential's sockets end within 5 s"
 
 
 async def test_a_stream_ends_when_its_key_changes(tmp_path: Path, attentive: None) -> None:
@@ -47,7 +47,7 @@ async def test_a_stream_ends_when_its_key_changes(tmp_path: Path, attentive: Non
     assert demoted is not None
     assert narrowed is not None
     path = "/api/v1/stream"
-    async with running_gateway(tmp_path, door=ring) as ready, AsyncExitStack() as stack:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, AsyncExitStack() as stack:
         staying = ring.add(role=Role.VIEWER)
         sockets = [await stack.enter_async_context(open_socket(ready, path, key=key)) for key in (*keys, *keys)]
         other = await stack.enter_async_context(open_socket(ready, path, key=staying))
@@ -64,7 +64,7 @@ async def test_a_stream_ends_when_its_key_changes(tmp_path: Path, attentive: Non
 async def test_a_session_that_ends_takes_its_stream_with_it(tmp_path: Path, attentive: None) -> None:
     ring = KeyRing()
     token, _ = ring.sign_in(role=Role.VIEWER)
-    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+    async with running_gateway(tmp_path, authenticator=ring, anonymous=False) as ready:
         cookie = {"Cookie": f"metaros_session={token}"}
         url = ready.url.replace("http", "ws", 1) + "/api/v1/stream"
         async with connect(url, origin=ready.url, additional_headers=cookie, proxy=None) as socket:
@@ -77,7 +77,7 @@ async def test_a_driver_whose_key_is_revoked_stops_and_gives_the_lease_back(tmp_
     ring = KeyRing()
     key, next_key = ring.add(role=Role.OPERATOR), ring.add(role=Role.OPERATOR)
     path = "/api/v1/robots/sim_1/teleop"
-    async with running_gateway(tmp_path, door=ring) as ready, ScriptedAgent(ready) as agent:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, ScriptedAgent(ready) as agent:
         async with open_socket(ready, path, key=key) as socket:
             await say(socket, op="take", holder="ann")
             grant = (await agent.next("command")).command
@@ -104,7 +104,7 @@ async def test_a_driver_whose_key_is_revoked_stops_and_gives_the_lease_back(tmp_
 async def test_a_key_as_a_subprotocol_is_never_echoed(tmp_path: Path) -> None:
     ring = KeyRing()
     key = ring.add(role=Role.VIEWER)
-    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+    async with running_gateway(tmp_path, authenticator=ring, anonymous=False) as ready:
         offered: list[Any] = ["metaros.v1", f"metaros.key.{key}"]
         async with open_socket(ready, "/api/v1/stream", key="", subprotocols=offered) as socket:
             assert socket.subprotocol == "metaros.v1"
@@ -117,24 +117,25 @@ async def test_a_key_as_a_subprotocol_is_never_echoed(tmp_path: Path) -> None:
 
 
 def test_nobody_takes_all_places() -> None:
-    attendance = Attendance(KeyRing(), limits=replace(LIMITS, viewers=3, viewers_each=2))
+    open_connections = OpenConnections(KeyRing(), limits=replace(LIMITS, viewers=3, viewers_each=2))
     one, two = (Principal(kind="user", id=name, role=Role.VIEWER) for name in ("one", "two"))
     with ExitStack() as places:
         for _ in range(2):
-            assert not attendance.full(one)
-            places.enter_context(attendance.place(one))
-        assert attendance.full(one)
-        assert not attendance.full(two)
-        with attendance.place(two):
-            assert attendance.full(Principal(kind="key", id="two"))
-    assert not attendance.full(one)
+            assert not open_connections.viewers_full(one)
+            places.enter_context(open_connections.count_viewer(one))
+        assert open_connections.viewers_full(one)
+        assert not open_connections.viewers_full(two)
+        with open_connections.count_viewer(two):
+            assert open_connections.viewers_full(Principal(kind="key", id="two"))
+    assert not open_connections.viewers_full(one)
 
 
-async def test_who_has_all_of_his_places_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.app.Attendance", partial(Attendance, limits=replace(LIMITS, viewers_each=1)))
+async def test_who_has_all_of_his_places_is_reported_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = partial(OpenConnections, limits=replace(LIMITS, viewers_each=1))
+    monkeypatch.setattr("gateway.wiring.gateway.OpenConnections", few)
     ring = KeyRing()
     greedy, other = ring.add(role=Role.VIEWER), ring.add(role=Role.VIEWER)
-    async with running_gateway(tmp_path, door=ring) as ready:
+    async with running_gateway(tmp_path, authenticator=ring) as ready:
         async with open_socket(ready, "/api/v1/stream", key=greedy) as first:
             await hear(first, "welcome")
             for path in ("/api/v1/stream", "/rosbridge"):
@@ -158,38 +159,38 @@ async def test_sockets_stay_while_the_store_cannot_answer() -> None:
             return await super().by_key(text)
 
     ring = Broken()
-    attendance = Attendance(ring)
+    open_connections = OpenConnections(ring)
     who = Principal(kind="key", id="1", role=Role.VIEWER)
     scope = {"type": "websocket", PRINCIPAL_KEY: who, CREDENTIAL_KEY: Credential("key", "gone")}
-    with attendance.visit(HTTPConnection(scope)) as visit:
-        await attendance.check()
-        assert not visit.over.is_set()
+    with open_connections.track(HTTPConnection(scope)) as opened:
+        await open_connections.check()
+        assert not opened.revoked.is_set()
         ring.broken = False
-        await attendance.check()
-        assert visit.over.is_set()
-    with attendance.visit(HTTPConnection({"type": "websocket"})) as visit:
-        await attendance.check()
-        assert not visit.over.is_set(), "nobody has nothing to revoke"
+        await open_connections.check()
+        assert opened.revoked.is_set()
+    with open_connections.track(HTTPConnection({"type": "websocket"})) as opened:
+        await open_connections.check()
+        assert not opened.revoked.is_set(), "nobody has nothing to revoke"
 
 
 async def test_a_download_ends_with_its_key() -> None:
     ring = KeyRing()
     key = ring.add(role=Role.VIEWER)
-    attendance = Attendance(ring)
+    open_connections = OpenConnections(ring)
     scope = {"type": "http", PRINCIPAL_KEY: await ring.by_key(key), CREDENTIAL_KEY: Credential("key", key)}
     got: list[bytes] = []
 
     async def endless() -> AsyncIterator[bytes]:
         for number in range(10):
             if number == 3:
-                await attendance.check()
+                await open_connections.check()
             if number == 6:
                 ring.revoke(key)
-                await attendance.check()
+                await open_connections.check()
             yield bytes([number])
 
     async def fetch() -> None:
-        pieces = attendance.pieces(HTTPConnection(scope), endless())
+        pieces = open_connections.while_allowed(HTTPConnection(scope), endless())
         while True:
             got.append(await anext(pieces))
 

@@ -9,8 +9,8 @@ import pytest
 
 from gateway.api import robot_search as module
 from gateway.api.robot_search import RobotQuery, RobotSearch
+from gateway.domain.fleet.selector import Selector
 from gateway.domain.robot import Robot
-from gateway.domain.selector import Selector
 from gateway.ingest.registry import Registry, RobotRecord
 
 BERLIN = RobotQuery(selector=Selector.parse("site=berlin"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.api.silence_reach import check_reach, reaches, sees_silence
+from gateway.api.silence_scope import check_silence_scope, covers, sees_silence
 from gateway.domain.alert import Silence
 from gateway.domain.principal import Principal, Role
 from gateway.errors import ForbiddenError
@@ -37,7 +37,7 @@ def test_what_is_within_a_scope_for_certain() -> None:
     wrong = []
     for scope, asked, within in REACHES:
         silence = Silence(id="s", robots=asked, from_ns=0, until_ns=1, by="ada")
-        reached = reaches(somebody(Role.OPERATOR, *scope), asked)
+        reached = covers(somebody(Role.OPERATOR, *scope), asked)
         seen = sees_silence(somebody(Role.VIEWER, *scope), silence)
         if (reached, seen) != (within, within):
             wrong.append((scope, asked, reached, seen))
@@ -47,13 +47,13 @@ def test_what_is_within_a_scope_for_certain() -> None:
 def test_the_whole_fleet_is_silenced_by_an_admin_of_all_robots_alone() -> None:
     fleets: tuple[tuple[str, ...], ...] = ((), ("*",), ("**",), ("lab_1", "***"))
     for fleet in fleets:
-        check_reach(somebody(Role.ADMIN, "*"), fleet)
+        check_silence_scope(somebody(Role.ADMIN, "*"), fleet)
         for who in (somebody(Role.OPERATOR, "*"), somebody(Role.ADMIN, "lab_*"), somebody(Role.OPERATOR, *fleet)):
-            assert "alerts.manage" in refusal(ForbiddenError, check_reach, who, fleet), (who, fleet)
+            assert "alerts.manage" in refusal(ForbiddenError, check_silence_scope, who, fleet), (who, fleet)
 
 
 def test_robots_are_silenced_by_who_sees_them() -> None:
-    check_reach(somebody(Role.OPERATOR, "lab_*"), ("lab_1", "lab_*"))
-    check_reach(somebody(Role.OPERATOR, "*"), ("lab_?", "hall_*"))
+    check_silence_scope(somebody(Role.OPERATOR, "lab_*"), ("lab_1", "lab_*"))
+    check_silence_scope(somebody(Role.OPERATOR, "*"), ("lab_?", "hall_*"))
     with pytest.raises(ForbiddenError, match="scope"):
-        check_reach(somebody(Role.OPERATOR, "lab_*"), ("lab_1", "hall_1"))
+        check_silence_scope(somebody(Role.OPERATOR, "lab_*"), ("lab_1", "hall_1"))

@@ -1,4 +1,4 @@
-"""Video by every door that passes payloads on: each viewer begins at a key frame, which the robot is asked for."""
+"""Video by every endpoint that passes payloads on: each viewer begins at a key frame, which the robot is asked for."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from gateway.domain.records import split_records
 from metaros._proto import link_pb2, telemetry_pb2, telemetry_pb2_grpc
 from tests.gateway.api.foxglove.viewer import Viewer, viewing
 from tests.gateway.harness import RING, ScriptedAgent, channel, hear_bytes, open_socket, running_gateway, say
-from tests.support.key_ring import bearer
-from tests.support.video import COMPRESSED_VIDEO, access_units, video_message
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, video_message
+from tests.support.gateways.memory_authenticator import bearer
 
 TOPIC = "/sim_1/video"
 KEY = RING.add(role=Role.OPERATOR)
@@ -43,7 +43,7 @@ async def by_grpc(call: grpc.aio.UnaryStreamCall, count: int) -> list[bytes]:  #
     return found
 
 
-async def test_each_door_begins_at_a_key_frame(tmp_path: Path) -> None:
+async def test_each_endpoint_begins_at_a_key_frame(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
         await agent.announce(channel(1, TOPIC, COMPRESSED_VIDEO, delivery=link_pb2.DELIVERY_CLASS_LIVE))
         async with (

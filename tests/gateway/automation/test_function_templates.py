@@ -16,22 +16,22 @@ import boto3
 import pytest
 from moto.server import ThreadedMotoServer
 
-from gateway.cli_function_local import TEMPLATES, run_here
-from gateway.cli_function_manifest import read_manifest
-from gateway.cli_function_pack import pack
-from gateway.cli_rule_file import read_rules
-from gateway.domain.rule import Maker
-from gateway.rules.document import read_rule
-from gateway.sample_events import SAMPLE_EVENTS
+from gateway.automation.functions.example_events import EXAMPLE_EVENTS
+from gateway.automation.rules.document import read_rule
+from gateway.cli.function.local import TEMPLATES, run_here
+from gateway.cli.function.manifest import read_manifest
+from gateway.cli.function.pack import pack
+from gateway.cli.rule.file import read_rules
+from gateway.domain.automation.rule import Maker
+from metaros.automation.functions.calls import Outcome
+from metaros.automation.rules.pattern import compile_pattern
 from metaros.cdr import codec
-from metaros.functions.calls import Outcome
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.limits import LIMITS
-from metaros.rules.pattern import compile_pattern
-from tests.support.quick_boto import read_documents_once
+from tests.support.gateways.quick_boto import read_documents_once
 
 read_documents_once()
-FOLDER = Path(__file__).parents[2] / "gateway" / "function_templates"
+FOLDER = Path(__file__).parents[3] / "gateway" / "automation" / "function_templates"
 CHIEF = Maker(kind="user", id="u", name="chief", role="admin", robots=("*",))
 
 
@@ -92,17 +92,17 @@ def test_the_rules_of_a_template_are_good(name: str) -> None:
 def test_rules_fit_the_events_that_they_are_for() -> None:
     for name, event in (("hello", "robot_offline"), ("alert_to_webhook", "alert")):
         (rule,) = read_rules(FOLDER / name / "rules.yaml")
-        assert compile_pattern(rule["pattern"]).matches(SAMPLE_EVENTS[event].event)
+        assert compile_pattern(rule["pattern"]).matches(EXAMPLE_EVENTS[event].event)
 
 
 async def test_hello_answers() -> None:
-    outcome = await run("hello", SAMPLE_EVENTS["robot_offline"].event)
+    outcome = await run("hello", EXAMPLE_EVENTS["robot_offline"].event)
     assert json.loads(outcome.payload) == {"seen": "metaros.robot.offline", "robot": "sim_1"}
     assert b"metaros.robot.offline about sim_1" in outcome.log
 
 
-async def test_an_alert_is_told_in_the_chat_and_nobody_else_is_reached() -> None:
-    event = SAMPLE_EVENTS["alert"].event
+async def test_an_alert_is_reported_in_the_chat_and_nobody_else_is_reached() -> None:
+    event = EXAMPLE_EVENTS["alert"].event
     with receiver(b"ok") as (port, came), receiver(b"no") as (other, nothing):
         url, egress = f"http://127.0.0.1:{port}/services/T0", f"127.0.0.1:{port}"
         outcome = await run("alert_to_webhook", event, CHAT_URL=url, METAROS_EGRESS=egress)
@@ -121,7 +121,7 @@ async def test_a_picture_comes_to_its_bucket() -> None:
     picture = bytes(range(256)) * 100
     said = CompressedImage(format="jpeg", data=list(picture))
     said.header.frame_id = "camera_left"
-    event = json.loads(json.dumps(SAMPLE_EVENTS["image"].event))
+    event = json.loads(json.dumps(EXAMPLE_EVENTS["image"].event))
     detail = event["detail"]
     found = {"seq": detail["seq"], "cdr": base64.b64encode(codec(CompressedImage).encode(said)).decode()}
     page = json.dumps({"messages": [{"seq": 1, "cdr": ""}, found], "next": None}).encode()
@@ -160,20 +160,20 @@ async def test_a_picture_comes_to_its_bucket() -> None:
 
 
 async def test_a_low_battery_asks_for_the_dock_and_the_second_rule_hears_it() -> None:
-    event = SAMPLE_EVENTS["battery_low"].event
+    event = EXAMPLE_EVENTS["battery_low"].event
     outcome = await run("battery_low_dock", event)
     answer = json.loads(outcome.payload)
     assert answer == {"dock": True, "robot": "sim_1", "charge": 0.18}
     _, go = read_rules(FOLDER / "battery_low_dock" / "rules.yaml")
     arn = "arn:aws:lambda:local:000000000000:function:battery_low_dock:$LATEST"
-    told: dict[str, Any] = {
+    reported: dict[str, Any] = {
         "detail-type": "Lambda Function Invocation Result - Success",
         "detail": {"requestContext": {"functionArn": arn}, "responsePayload": answer},
     }
-    assert compile_pattern(go["pattern"]).matches(told)
-    told["detail"]["responsePayload"] = {**answer, "dock": False}
-    assert not compile_pattern(go["pattern"]).matches(told)
+    assert compile_pattern(go["pattern"]).matches(reported)
+    reported["detail"]["responsePayload"] = {**answer, "dock": False}
+    assert not compile_pattern(go["pattern"]).matches(reported)
     rule = read_rule(go, maker=CHIEF)
-    told["detail"]["responsePayload"] = answer
-    asked = rule.targets[0].transform.render(told, rule.name, most_bytes=LIMITS.rule_payload_bytes)
+    reported["detail"]["responsePayload"] = answer
+    asked = rule.targets[0].transform.render(reported, rule.name, most_bytes=LIMITS.rule_payload_bytes)
     assert asked == {"service": "/sim_1/base/dock", "type": "std_srvs/srv/Trigger"}

@@ -18,7 +18,7 @@ from botocore.config import Config
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from tests.gateway.harness import client
-from tests.support.busy_gateway import BusyGateway, busy_gateway
+from tests.support.gateways.busy_gateway import BusyGateway, busy_gateway
 
 __all__ = ["ROBOTS", "VOLATILE", "answers", "populate", "questions"]
 

@@ -18,20 +18,20 @@ from gateway.backup.take import take
 from gateway.backup.verify import verify
 from gateway.errors import CorruptObjectError, ObjectRefusedError, ObjectStoreError
 from gateway.identity.master import MASTER_KEY, make_key_file
-from gateway.objects import DirectoryStore
-from gateway.store.check import check
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction
-from gateway.store.hold import HOLD_S, hold_objects, objects_held
+from gateway.store.integrity.check import check
 from gateway.store.ledger import doom, in_transaction, sweep_objects
-from gateway.store.load import RunLoader
-from gateway.store.mark import check_mark
+from gateway.store.object_hold import HOLD_S, hold_objects, objects_held
+from gateway.store.object_store_marker import check_marker
+from gateway.store.objects import DirectoryStore
 from gateway.store.schema import MIGRATIONS
 from gateway.store.sqlite import DATABASE, SqliteEngine
+from gateway.store.telemetry.compact import Compaction
+from gateway.store.telemetry.load import RunLoader
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError
 from tests.gateway.store.samples import CPU, content, gap_write, run_write, write
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 TEXTS = [b"one", b"two", b"three"]
 
@@ -51,7 +51,7 @@ class Home:
         engine.open()
         Committer(engine).commit([run_write(1, TEXTS), gap_write(4, 9), write(1, (CPU, 5, 0.5))], now_ns=10**18)
         run = in_transaction(engine)
-        check_mark(engine, run, self.objects, clock=self.clock)
+        check_marker(engine, run, self.objects, clock=self.clock)
         work = Compaction(engine, run, self.objects, clock=self.clock)
         for due in work.due(everything=True):
             while work.compact(due):
@@ -264,8 +264,8 @@ def test_the_old_time_is_over(home: Home, new: Home, tmp_path: Path) -> None:
         engine.execute("INSERT INTO update_metadata VALUES ('timestamp', 5, ?, ?, 1)", b"{}", now_ns + 10**15)
     engine.close()
     home.take(tmp_path / "kept")
-    aged = new.restore(tmp_path / "kept").aged
-    assert (aged.sessions, aged.tokens, aged.rollouts, aged.users) == (1, 1, 1, 1)
+    invalidated = new.restore(tmp_path / "kept").invalidated
+    assert (invalidated.sessions, invalidated.tokens, invalidated.rollouts, invalidated.users) == (1, 1, 1, 1)
     assert new.ask("SELECT count(*) FROM sign_in_links") == [(0,)]
     assert new.ask("SELECT count(*) FROM enrolment_tokens WHERE used_ns = 0 AND expires_ns > " + str(now_ns)) == [(0,)]
     assert new.ask("SELECT state, revision FROM rollouts") == [("paused", 5)]

@@ -12,13 +12,13 @@ import pytest
 from gateway.backup.restore import restore
 from gateway.backup.snapshot import open_existing
 from gateway.backup.take import take
-from gateway.objects import DirectoryStore
-from gateway.store.load import RunLoader
+from gateway.store.objects import DirectoryStore
+from gateway.store.telemetry.load import RunLoader
 from metaros.clock import SystemClock
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.store.samples import SampleFilter, read_samples
 from tests.support.ports import free_port
-from tests.support.uplinks import feed, running, wait
+from tests.support.robots.uplinks import feed, running, wait
 
 MIB = 1 << 20
 WORDS = ((b"kept", 20), (b"wait", 5), (b"late", 10))

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import open_objects
 from gateway.store.engines import open_engine
-from gateway.store.merge import merge_step
+from gateway.store.objects import open_objects
+from gateway.store.telemetry.merge import merge_step
 from tests.gateway.backup.populated import answers, populate, questions
 from tests.gateway.harness import client, running_gateway
-from tests.support.command_line import ask_metaros
-from tests.support.postgres import PostgresServer
+from tests.support.processes.command_line import ask_metaros
+from tests.support.servers.postgres import PostgresServer
 
 pytestmark = pytest.mark.integration
 

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli_accounts import life_s
+from gateway.cli.accounts import life_s
 from gateway.domain.account import LAMBDA
 from gateway.identity.keys import key_secret
 from gateway.identity.master import MasterKey
-from gateway.identity.store_door import REMEMBERED_S
+from gateway.identity.store_authenticator import REMEMBERED_S
 from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import UsageError
 from tests.gateway.harness import client, running_gateway
-from tests.support.command_line import ask_metaros
+from tests.support.processes.command_line import ask_metaros
 
 PASSWORD = "correct horse battery"
 

@@ -10,8 +10,8 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from gateway.anomaly.stream import Stream
-from gateway.cli_anomaly import read_samples, register
+from gateway.alerting.anomaly.detectors.stream import Stream
+from gateway.cli.anomaly import read_samples, register
 from metaros.errors import UsageError
 
 HEADER = "timestamp,value\n"

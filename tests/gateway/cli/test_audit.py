@@ -10,7 +10,7 @@ from pathlib import Path
 from gateway.domain.principal import Role
 from gateway.store.sqlite import DATABASE
 from tests.gateway.harness import RING, client, running_gateway
-from tests.support.command_line import ask_metaros
+from tests.support.processes.command_line import ask_metaros
 
 ADMIN = RING.add(role=Role.ADMIN, name="test admin")
 

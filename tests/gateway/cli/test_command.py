@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gateway.main import Ready
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, running_gateway
-from tests.support.command_line import Done, ask_metaros
+from tests.support.processes.command_line import Done, ask_metaros
 
 
 async def metaros(ready: Ready, *arguments: str) -> Done:
@@ -45,7 +45,7 @@ async def test_send_list_show_cancel_and_what_is_no_command(tmp_path: Path) -> N
         code, _, err = await metaros(ready, "cancel", found[0]["id"])
         assert code != 0
         assert "cancelled" in err
-        for arguments, told in (
+        for arguments, reported in (
             (("send", "set_uplink", "-r", "a", "-l", "b"), "--robot"),
             (("send", "set_uplink", "5", "-r", "a"), "FIELD=VALUE"),
             (("send", "set_uplink", "bytes_per_s=1", "-r", "a", "--durable", "--expires", "soon"), "span"),
@@ -53,4 +53,4 @@ async def test_send_list_show_cancel_and_what_is_no_command(tmp_path: Path) -> N
         ):
             code, _, err = await metaros(ready, *arguments)
             assert code != 0
-            assert told in err
+            assert reported in err

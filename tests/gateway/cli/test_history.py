@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from metaros.cli.main import main
-from tests.gateway.api.test_history import START_NS, fill
+from tests.gateway.api.rest.history.test_history import START_NS, fill
 from tests.gateway.harness import ScriptedAgent, running_gateway
 
 SPAN = ("--start", "2001-09-09T01:46:40Z", "--end", "2001-09-09T01:46:50Z")
@@ -61,7 +61,7 @@ async def test_topics_messages_and_a_file(tmp_path: Path, capsys: pytest.Capture
 async def test_more_messages_than_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.cli_history.PAGE", 4)
+    monkeypatch.setattr("gateway.cli.history.PAGE", 4)
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
         await fill(agent)
         for limit, count in ((9, 9), (100, 20)):

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from gateway.main import Ready
-from metaros.cli.gateway_http import GatewayClient
+from metaros.cli.shared.gateway_http import GatewayClient
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import OPERATOR_KEY, running_gateway
-from tests.gateway.recordings.robot import RecordingRobot, content
-from tests.support.command_line import ask_metaros
+from tests.gateway.history.recordings.robot import RecordingRobot, content
+from tests.support.processes.command_line import ask_metaros
 
 BLOB = content(700_000)
 
@@ -52,7 +52,7 @@ async def test_save_list_get_delete(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("have", [1000, len(BLOB)])
-async def test_a_download_goes_on_and_a_damaged_one_is_told(tmp_path: Path, have: int) -> None:
+async def test_a_download_goes_on_and_a_damaged_one_is_reported(tmp_path: Path, have: int) -> None:
     async with running_gateway(tmp_path) as ready, RecordingRobot(ready) as robot:
         answer = await asyncio.to_thread(
             GatewayClient(ready.url, key=OPERATOR_KEY).post, "/api/v1/robots/sim_1/recordings", {"last_s": 60}

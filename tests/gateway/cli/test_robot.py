@@ -10,8 +10,8 @@ import pytest
 from gateway.domain.principal import Role
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, client, running_gateway
 from tests.gateway.identity.robot_keys import ask, new_key
-from tests.support.command_line import ask_metaros
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.processes.command_line import ask_metaros
 
 
 async def cli(*arguments: str) -> str:
@@ -25,7 +25,7 @@ async def test_token_list_revoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ring = KeyRing()
     admin = ring.add(role=Role.ADMIN, name="ada")
     monkeypatch.setenv("METAROS_KEY", admin)
-    async with running_gateway(tmp_path, door=ring) as ready:
+    async with running_gateway(tmp_path, authenticator=ring) as ready:
         at = ("--gateway", ready.url)
         printed = await cli("token", "--robot", "arm", "--ttl-min", "5", *at)
         command = next(line for line in printed.splitlines() if line.startswith("metaros agent enrol "))

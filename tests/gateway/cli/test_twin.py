@@ -9,8 +9,8 @@ import pytest
 
 from gateway.domain.principal import Role
 from tests.gateway.harness import ScriptedAgent, running_gateway
-from tests.support.command_line import ask_metaros
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.processes.command_line import ask_metaros
 
 
 async def cli(*arguments: str, stdin: str = "") -> str:
@@ -30,7 +30,11 @@ async def refusal(*arguments: str) -> str:
 async def test_show_patch_diff_history_revert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ring = KeyRing()
     monkeypatch.setenv("METAROS_KEY", ring.add(role=Role.ADMIN, name="ada"))
-    async with running_gateway(tmp_path, door=ring) as ready, ScriptedAgent(ready, "a1"), ScriptedAgent(ready, "a2"):
+    async with (
+        running_gateway(tmp_path, authenticator=ring) as ready,
+        ScriptedAgent(ready, "a1"),
+        ScriptedAgent(ready, "a2"),
+    ):
         monkeypatch.setenv("METAROS_GATEWAY_URL", ready.url)
         patch = '{"budget": {"bytes_per_s": 5000}}'
         tried = await cli("twin", "patch", "a1", patch, "--dry-run")
@@ -56,8 +60,8 @@ async def test_show_patch_diff_history_revert(tmp_path: Path, monkeypatch: pytes
         await cli("robot", "label", "a1", "kind-")
         assert await cli("robot", "label", "a1") == "site=lab\n"
         assert "LABEL=VALUE" in await refusal("robot", "label", "a1", "nonsense")
-        told = await cli("twin", "template", "set", "cams", '{"topics": {"cam": {"rate_hz": 2}}}', "-l", "site=lab")
-        assert "changed: 1 robot of 1" in told
+        reported = await cli("twin", "template", "set", "cams", '{"topics": {"cam": {"rate_hz": 2}}}', "-l", "site=lab")
+        assert "changed: 1 robot of 1" in reported
         assert "site=lab" in await cli("twin", "template", "list")
         assert '"rate_hz": 2' in await cli("twin", "template", "show", "cams")
         many = await cli("twin", "patch", '{"agent": {"version": "2.1.0"}}', "-l", "robot in (a1, a2)", "-o", "json")
@@ -68,9 +72,9 @@ async def test_show_patch_diff_history_revert(tmp_path: Path, monkeypatch: pytes
         assert "would change: 1 robot" in await cli("twin", "template", "remove", "cams", "--dry-run")
         await cli("twin", "template", "remove", "cams")
         assert json.loads(await cli("twin", "template", "list", "-o", "json")) == []
-        told = await cli("twin", "template", "history", "cams")
-        assert "removed" in told
-        assert "+ /topics" in told
+        reported = await cli("twin", "template", "history", "cams")
+        assert "removed" in reported
+        assert "+ /topics" in reported
         made = json.loads(await cli("twin", "template", "history", "cams", "-o", "json"))[-1]["revision"]
         assert "would change: 1 robot" in await cli("twin", "template", "revert", "cams", str(made), "--dry-run")
         await cli("twin", "template", "revert", "cams", str(made))

@@ -8,8 +8,8 @@ from pathlib import Path
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, running_gateway
-from tests.support.bundles import make_bundle
-from tests.support.command_line import Done, ask_metaros
+from tests.support.deployment.bundles import make_bundle
+from tests.support.processes.command_line import Done, ask_metaros
 
 ADMIN = RING.add(role=Role.ADMIN, name="cli admin")
 

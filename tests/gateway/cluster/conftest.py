@@ -12,7 +12,7 @@ import pytest_asyncio
 
 if TYPE_CHECKING:
     from tests.gateway.cluster.gateway_pair import Pair
-    from tests.support.postgres import PostgresServer
+    from tests.support.servers.postgres import PostgresServer
 
 _numbers = count(1)
 

@@ -19,8 +19,8 @@ from gateway.main import Ready
 from metaros._proto import link_pb2
 from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
 from tests.support.ports import free_port
-from tests.support.postgres import PostgresServer
-from tests.support.zenoh_router import inner_router
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.zenoh_router import inner_router
 
 __all__ = ["Pair", "has", "running_pair", "stored", "until"]
 

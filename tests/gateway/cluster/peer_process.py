@@ -6,13 +6,13 @@ import asyncio
 import os
 import sys
 
-from gateway.cluster.courier import Patience
+from gateway.cluster.transport import Timeouts
 from tests.gateway.cluster.meshes import made, running
 
 
 async def main(port: int) -> None:
     """Until it is killed."""
-    mesh = made("b", port, patience=Patience(lease_s=1.0))
+    mesh = made("b", port, patience=Timeouts(lease_s=1.0))
 
     async def pid(_sender: str, _payload: bytes) -> bytes:
         return str(os.getpid()).encode()
@@ -21,8 +21,8 @@ async def main(port: int) -> None:
         await asyncio.Event().wait()
         return b""
 
-    mesh.on_ask("pid", pid)
-    mesh.on_ask("never", never)
+    mesh.on_request("pid", pid)
+    mesh.on_request("never", never)
     async with running(mesh, met=False):
         await asyncio.Event().wait()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.api.problem import error_code
+from gateway.automation.functions.errors import FunctionsOffError
 from gateway.cluster.errors import PeerRefusedError, pack_error, unpack_error
 from gateway.errors import (
     CommandRefusedError,
@@ -16,7 +17,6 @@ from gateway.errors import (
     TooManyRequestsError,
     error_row,
 )
-from gateway.functions.errors import FunctionsOffError
 from metaros.errors import FieldError, MetarosError
 
 SAME = [

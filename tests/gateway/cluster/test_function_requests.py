@@ -8,17 +8,17 @@ from typing import Any
 
 import pytest
 
-from gateway.cluster.errands import Errands
-from gateway.functions.async_invoke import EventHandler
-from gateway.functions.errors import FunctionsOffError, UnknownFunctionError
-from gateway.functions.invoker import Call, Invoked
+from gateway.automation.functions.async_invoke import EventHandler
+from gateway.automation.functions.errors import FunctionsOffError, UnknownFunctionError
+from gateway.automation.functions.invoker import Call, Invoked
+from gateway.cluster.function_requests import FunctionRequests
+from metaros.automation.functions.calls import Outcome
+from metaros.automation.functions.errors import RESERVED_FULL, EngineClosedError, ThrottledError
 from metaros.clock import ManualClock
 from metaros.errors import TooLargeError
-from metaros.functions.calls import Outcome
-from metaros.functions.faults import RESERVED_FULL, EngineClosedError, ThrottledError
 from metaros.limits import LIMITS
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.relay_rig import settle
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.gateways.relay_rig import settle
 
 DONE = Invoked(
     Outcome(
@@ -33,7 +33,7 @@ class Runner:
     """An invoker: answers or raises what the test says."""
 
     def __init__(self, answer: Invoked | Exception = DONE) -> None:
-        self.answer, self.elsewhere = answer, None
+        self.answer, self.remote = answer, None
         self.calls: list[tuple[Any, ...]] = []
 
     async def invoke(self, function: str, qualifier: str, payload: bytes, **call: Any) -> Invoked:
@@ -50,18 +50,20 @@ class Rig:
     def __init__(self, *answers: Invoked | Exception) -> None:
         self.meshes = FakeMeshes()
         self.off = Runner()
-        self.errands = Errands(self.meshes.join("a"), self.off, on=False)
+        self.function_requests = FunctionRequests(self.meshes.join("a"), self.off, on=False)
         self.runners = {f"r{number}": Runner(answer) for number, answer in enumerate(answers)}
-        self.parts = [Errands(self.meshes.join(name), runner, on=True) for name, runner in self.runners.items()]
+        self.parts = [
+            FunctionRequests(self.meshes.join(name), runner, on=True) for name, runner in self.runners.items()
+        ]
 
     async def invoke(self, payload: bytes = b"{}", **call: Any) -> Invoked:
         await settle()
-        return await self.errands.invoke("f", "live", payload, Call(**call))
+        return await self.function_requests.invoke("f", "live", payload, Call(**call))
 
 
 async def test_a_call_is_run_by_a_peer_and_its_whole_answer_comes_back() -> None:
     rig = Rig(DONE)
-    assert rig.off.elsewhere == rig.errands.invoke
+    assert rig.off.remote == rig.function_requests.invoke
     payload = bytes(LIMITS.function_payload_bytes)
     assert await rig.invoke(payload, kind="test", robot="r1", trace_id="t", client_context="{}") == DONE
     ((function, qualifier, came, call),) = rig.runners["r0"].calls
@@ -90,7 +92,7 @@ async def test_without_a_peer_that_runs_functions_it_says_so() -> None:
     rig = Rig()
     with pytest.raises(FunctionsOffError, match="no gateway of this store runs functions"):
         await rig.invoke()
-    Errands(rig.meshes.join("b"), Runner(), on=False)
+    FunctionRequests(rig.meshes.join("b"), Runner(), on=False)
     with pytest.raises(FunctionsOffError):
         await rig.invoke()
 

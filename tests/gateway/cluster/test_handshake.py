@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cluster.meeting import Meeting
+from gateway.cluster.handshake import Handshake
 from gateway.cluster.wire import Kind, Message
 
 
@@ -15,7 +15,7 @@ class Pair:
     """Two meetings, and a line between them that loses what a test says."""
 
     def __init__(self, losses: tuple[bool, ...] = ()) -> None:
-        self.ends = (Meeting(), Meeting())
+        self.ends = (Handshake(), Handshake())
         self.became: tuple[list[bool], list[bool]] = ([], [])
         self.line: list[tuple[int, Message]] = []
         self.losses = iter(losses)
@@ -100,7 +100,7 @@ def test_what_one_loses_both_begin_again(how: str, tokens: int) -> None:
 
 
 def test_nobody_is_met_without_its_token() -> None:
-    alone = Meeting()
+    alone = Handshake()
     assert alone.hello(Message(Kind.HELLO, 1, 1, number=1)) == ([], [])
     assert alone.retry() == []
 

@@ -9,7 +9,7 @@ import pytest
 from gateway.errors import LeaseRequiredError, LeaseTakenError, RobotOfflineError
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
-from tests.support.relay_rig import ROBOT, RelayRig, relay_rig, settle
+from tests.support.gateways.relay_rig import ROBOT, RelayRig, relay_rig, settle
 
 
 def driven(rig: RelayRig) -> list[link_pb2.Teleop]:

@@ -6,8 +6,8 @@ import asyncio
 
 from gateway.domain.channel import Channel
 from metaros.limits import LIMITS
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.mirrored import Replica, channel, make_run, replicas
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.gateways.mirrored import Replica, channel, make_run, replicas
 from tests.support.waiting import wait_until_async
 
 
@@ -77,15 +77,15 @@ async def test_nothing_crosses_that_nobody_looks_at() -> None:
 async def test_the_highest_rate_is_wanted_and_the_home_thins() -> None:
     async with replicas(FakeMeshes(), "a", "b", "c") as (a, b, c):
         scan = channel("r1", 1, "/scan")
-        told = list[str]()
-        a.live.on_wanted(told.append)
+        reported = list[str]()
+        a.live.on_wanted(reported.append)
         a.link("r1", 1)
         a.announce("r1", [scan])
         await known(b, "r1", 1)
         await known(c, "r1", 1)
         _one, seen = b.look("/scan", rate_hz=10.0)
         await wanted(a, "r1", {"/scan": 10.0})
-        assert told == ["r1"]
+        assert reported == ["r1"]
         samples = [bytes([number]) for number in range(100)]
         a.publish(make_run(scan, samples, stamp_ns=0, step_ns=10_000_000))
         await wait_until_async(lambda: len(seen.payloads) == 10)
@@ -135,7 +135,7 @@ async def test_interest_outlives_a_lost_link_and_ends_where_the_viewers_gateway_
         assert b.live.received_samples == 0
 
 
-async def test_a_gateway_that_comes_back_is_told_anew() -> None:
+async def test_a_gateway_that_comes_back_is_reported_anew() -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "b") as (b,):
         _viewer, seen = b.look("/scan")

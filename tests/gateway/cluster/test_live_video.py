@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from gateway.domain.channel import Channel
 from tests.gateway.cluster.test_live import known, wanted
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.mirrored import Replica, channel, make_run, replicas
-from tests.support.video import COMPRESSED_VIDEO, access_units, video_message
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, video_message
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.gateways.mirrored import Replica, channel, make_run, replicas
 from tests.support.waiting import wait_until_async
 
 MESSAGES = [video_message(unit) for unit in access_units(24, group=6)]
@@ -25,7 +25,7 @@ def publish(replica: Replica, of: Channel, *numbers: int) -> None:
         replica.publish(run)
 
 
-async def test_a_viewer_elsewhere_asks_the_home_for_a_key_frame() -> None:
+async def test_a_viewer_remote_asks_the_home_for_a_key_frame() -> None:
     async with replicas(FakeMeshes(), "a", "b") as (a, b):
         asked = list[tuple[str, str]]()
         a.live.on_key_wanted(lambda robot, topic: asked.append((robot, topic)))
@@ -51,10 +51,10 @@ async def test_what_was_lost_between_gateways_stops_the_viewers_up_to_a_key_fram
         await wanted(a, "r1", {"/video": 0.0})
         publish(a, video(), 0, 1)
         await wait_until_async(lambda: len(seen.payloads) == 2)
-        tell, a.mesh.tell = a.mesh.tell, lambda *_: True  # type: ignore[method-assign]
+        send, a.mesh.send = a.mesh.send, lambda *_: True  # type: ignore[method-assign]
         publish(a, video(), 2)
         await wait_until_async(lambda: a.live.waiting_bytes == 0)
-        a.mesh.tell = tell  # type: ignore[method-assign]
+        a.mesh.send = send  # type: ignore[method-assign]
         publish(a, video(), 3, 4, 5, 6, 7)
         await wait_until_async(lambda: seen.payloads == [*MESSAGES[:2], *MESSAGES[6:8]])
         await wait_until_async(lambda: seen_here.payloads == MESSAGES[:8])

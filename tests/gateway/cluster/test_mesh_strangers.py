@@ -15,8 +15,8 @@ from gateway.cluster.keys import BOOT_BYTES
 from gateway.identity.master import MasterKey, make_key_file
 from tests.gateway.cluster.meshes import STORE, all_met, made, running
 from tests.support.ports import free_port
+from tests.support.servers.zenoh_router import inner_router
 from tests.support.waiting import wait_until_async
-from tests.support.zenoh_router import inner_router
 
 SECRET = b"where the robot is, and who drives it"
 LIVE = f"metaros/gateways/{STORE}/live"
@@ -61,16 +61,16 @@ def stranger(port: int) -> Iterator[Stranger]:
 async def test_what_crosses_cannot_be_read_forged_or_sent_again(port: int) -> None:
     a, b = made("a", port), made("b", port)
     got: list[bytes] = []
-    b.on_tell("t", lambda _sender, payload: got.append(payload))
+    b.on_message("t", lambda _sender, payload: got.append(payload))
     with stranger(port) as listener:
         async with running(a, b):
-            assert a.tell("b", "t", SECRET)
+            assert a.send("b", "t", SECRET)
             await wait_until_async(lambda: got == [SECRET] and len(listener.heard) >= 3)
-            heard = list(listener.heard)
-            assert not any(SECRET[:8] in frame for _, frame in heard)
+            received = list(listener.heard)
+            assert not any(SECRET[:8] in frame for _, frame in received)
             before = b.counts.refused + a.counts.refused
             tried = 0
-            for key, frame in heard:
+            for key, frame in received:
                 for forged in (frame, frame[:-1] + bytes([frame[-1] ^ 1]), frame[:25], b"", frame[:17] + bytes(200)):
                     listener.session.put(key, forged)
                     tried += 1
@@ -78,20 +78,20 @@ async def test_what_crosses_cannot_be_read_forged_or_sent_again(port: int) -> No
             assert got == [SECRET]
             assert a.peers() == {"b"}, "nobody lost anybody by it"
             assert (a.counts.lost, b.counts.lost) == (0, 0)
-            assert a.tell("b", "t", b"still")
+            assert a.send("b", "t", b"still")
             await wait_until_async(lambda: got == [SECRET, b"still"])
 
 
 async def test_what_an_earlier_gateway_sent_brings_it_not_back(port: int) -> None:
     a, b = made("a", port), made("b", port)
-    heard: list[tuple[str, bool]] = []
-    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    received: list[tuple[str, bool]] = []
+    a.on_peer(lambda gateway, there: received.append((gateway, there)))
     with stranger(port) as listener:
         async with running(a):
             async with running(b, met=False):
                 await all_met([a, b])
                 await wait_until_async(lambda: any(key.startswith(f"{LIVE}/b/") for key in listener.tokens))
-            await wait_until_async(lambda: heard == [("b", True), ("b", False)])
+            await wait_until_async(lambda: received == [("b", True), ("b", False)])
             token = next(key for key in listener.tokens if key.startswith(f"{LIVE}/b/"))
             declared = listener.session.liveliness().declare_token(token)
             refused = a.counts.refused
@@ -107,7 +107,7 @@ async def test_what_an_earlier_gateway_sent_brings_it_not_back(port: int) -> Non
             declared.undeclare()
 
 
-async def test_who_has_another_master_key_is_no_peer_and_is_told_once(
+async def test_who_has_another_master_key_is_no_peer_and_is_reported_once(
     port: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     a, b, other = made("a", port), made("b", port), made("other", port, master=MasterKey(b"o" * 32))
@@ -140,8 +140,8 @@ async def test_names_that_are_none_bring_nobody(port: int) -> None:
 
 async def test_a_token_that_somebody_else_takes_back_ends_no_peer(port: int, caplog: pytest.LogCaptureFixture) -> None:
     a, b = made("a", port), made("b", port)
-    heard: list[tuple[str, bool]] = []
-    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    received: list[tuple[str, bool]] = []
+    a.on_peer(lambda gateway, there: received.append((gateway, there)))
     with stranger(port) as liar:
         async with running(a, b):
             await wait_until_async(lambda: {key.split("/")[-3] for key in liar.tokens} >= {"a", "b"})
@@ -153,7 +153,7 @@ async def test_a_token_that_somebody_else_takes_back_ends_no_peer(port: int, cap
             await wait_until_async(lambda: caplog.text.count("gateway last") == 2)  # each has seen all of it
             assert a.peers() == {"b"}
             assert b.peers() == {"a"}
-            assert heard == [("b", True)]
+            assert received == [("b", True)]
             assert a.linked
             last.undeclare()
 
@@ -171,8 +171,8 @@ async def test_who_starts_after_a_change_of_the_master_key_meets_those_that_run(
 
 
 async def test_gateways_of_other_stores_do_not_meet(port: int) -> None:
-    a, b, elsewhere = made("a", port), made("b", port), made("c", port, store="store2")
-    async with running(a, b), running(elsewhere, met=False):
-        await wait_until_async(lambda: elsewhere.linked)
+    a, b, remote = made("a", port), made("b", port), made("c", port, store="store2")
+    async with running(a, b), running(remote, met=False):
+        await wait_until_async(lambda: remote.linked)
         assert a.peers() == {"b"}
-        assert elsewhere.peers() == frozenset()
+        assert remote.peers() == frozenset()

@@ -9,7 +9,7 @@ from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.interfaces.metaros_msgs.msg import AudioPacket
 from metaros.limits import LIMITS
-from tests.support.relay_rig import ROBOT, RelayRig, relay_rig, settle
+from tests.support.gateways.relay_rig import ROBOT, RelayRig, relay_rig, settle
 
 AUDIO = "metaros_msgs/msg/AudioPacket"
 

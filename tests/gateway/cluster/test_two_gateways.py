@@ -31,8 +31,8 @@ from tests.gateway.harness import (
     open_socket,
     say,
 )
-from tests.support.key_ring import bearer
-from tests.support.viewer import records
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.viewer import records
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("gateway pair")]
 
@@ -105,8 +105,8 @@ async def demanded(agent: ScriptedAgent, number: int, *, wanted: bool) -> None:
     """Wait until the robot was told that viewers want a channel, or do no more."""
     async with asyncio.timeout(60):
         while True:
-            told = (await agent.next("demand")).demand
-            if (number in {entry.channel_id for entry in told.entries}) == wanted:
+            reported = (await agent.next("demand")).demand
+            if (number in {entry.channel_id for entry in reported.entries}) == wanted:
                 return
 
 
@@ -172,8 +172,8 @@ async def test_values_and_counts_are_those_of_the_robots_home(pair: Pair) -> Non
                 await agent.rows(row, [(1, 10**18 + row, 0.5)])
 
             async with doing(rows):
-                told = await hear(socket, "metrics")
-            assert (told["robot"], told["values"]) == (pair.robot, {"battery.percentage": 0.5})
+                reported = await hear(socket, "metrics")
+            assert (reported["robot"], reported["values"]) == (pair.robot, {"battery.percentage": 0.5})
         statistics = link_pb2.TopicStatistics(topics=[link_pb2.TopicRate(channel_id=1, rate_hz=12.5)], outbox_bytes=9)
         await agent.send(CONTROL, statistics=statistics)
 
@@ -222,10 +222,10 @@ async def test_a_robot_moves_to_the_other_gateway(pair: Pair) -> None:
             events = (await two.get(f"/api/v1/events?robot={pair.robot}&limit=100")).json()["events"]
             return [event["type"] for event in events if event["type"].startswith("metaros.robot.")]
 
-        async def told() -> bool:
+        async def reported() -> bool:
             return len(await kinds()) == 3
 
-        await until(told)
+        await until(reported)
         assert sorted(await kinds()) == ["metaros.robot.offline", "metaros.robot.online", "metaros.robot.online"]
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from gateway.domain.world_names import WorldNames
+from gateway.domain.client_names import ClientNames
 
 
 def test_one_robot_keeps_its_names() -> None:
-    names = WorldNames("r1")
+    names = ClientNames("r1")
     assert names.shown("r1", "/odom") == "/odom"
     assert names.candidates("/odom") == [("r1", "/odom")]
     assert names.candidates("odom") == [("r1", "/odom")]
@@ -15,7 +15,7 @@ def test_one_robot_keeps_its_names() -> None:
 
 
 def test_a_fleet_has_the_robots_id_before_each_name() -> None:
-    names = WorldNames()
+    names = ClientNames()
     assert names.shown("r1", "/odom") == "/r1/odom"
     assert names.shown("sim_1", "/sim_1/odom") == "/sim_1/odom"
     assert names.shown("sim_1", "/sim_10/odom") == "/sim_1/sim_10/odom"
@@ -25,7 +25,7 @@ def test_a_fleet_has_the_robots_id_before_each_name() -> None:
 
 
 def test_out_of_scope_is_not_there() -> None:
-    names = WorldNames(sees=lambda robot: robot == "r1")
+    names = ClientNames(sees=lambda robot: robot == "r1")
     assert names.candidates("/r2/odom") == []
     assert not names.covers("r2")
-    assert WorldNames("r2", sees=lambda robot: robot == "r1").candidates("/odom") == []
+    assert ClientNames("r2", sees=lambda robot: robot == "r1").candidates("/odom") == []

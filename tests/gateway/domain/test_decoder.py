@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gateway.decoder import MAX_CATALOGUES, Decoder
 from gateway.domain.channel import Channel
+from gateway.domain.decoder import MAX_CATALOGUES, Decoder
 from metaros.cdr import codec
 from metaros.idl import Catalogue, add_schema_text, message_class, schema_text, type_hash
 from metaros.limits import LIMITS

@@ -8,9 +8,9 @@ from metaros._proto import link_pb2
 GOOD = f"00-{'ab' * 16}-{'cd' * 8}-01"
 
 
-def batch(**told: object) -> link_pb2.Batch:
+def batch(**reported: object) -> link_pb2.Batch:
     """A batch of the numbers 5 to 7 with a trace."""
-    trace = link_pb2.SampleTrace(**{"seq": 6, "traceparent": GOOD, "sent_ns": 9, **told})  # type: ignore[arg-type]
+    trace = link_pb2.SampleTrace(**{"seq": 6, "traceparent": GOOD, "sent_ns": 9, **reported})  # type: ignore[arg-type]
     return link_pb2.Batch(stream_id=1, first_seq=5, count=3, trace=trace)
 
 
@@ -39,4 +39,4 @@ NO_TRACES: tuple[dict[str, object], ...] = (
 
 
 def test_what_cannot_be_so_is_no_trace() -> None:
-    assert [told for told in NO_TRACES if read_trace(batch(**told)) is not None] == []
+    assert [reported for reported in NO_TRACES if read_trace(batch(**reported)) is not None] == []

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.support.databases import store_url
+from tests.support.servers.databases import store_url
 
 __all__ = ["store_url"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from gateway.fleet.command_rows import CommandRows
-from gateway.fleet.watching import Watchers
+from gateway.fleet.command_watchers import CommandWatchers
 
 
 @dataclass
@@ -22,8 +22,8 @@ class Rows:
         return {name: self.now[name] for name in command_ids if name in self.now}
 
 
-async def follow(watchers: Watchers, rows: Rows, name: str, seen: list[str], *, last: str) -> None:
-    """As OrderDesk.watch: look, then wait for the next change."""
+async def follow(watchers: CommandWatchers, rows: Rows, name: str, seen: list[str], *, last: str) -> None:
+    """As CommandManager.watch: look, then wait for the next change."""
     with watchers.watching(name) as watched:
         while True:
             event, state = watched.event, rows.now.get(name, "gone")
@@ -36,7 +36,7 @@ async def follow(watchers: Watchers, rows: Rows, name: str, seen: list[str], *, 
 
 async def test_a_thousand_cost_one_look_and_all_hear_of_it() -> None:
     rows = Rows({f"c{number}": "issued" for number in range(10)})
-    watchers = Watchers(cast(CommandRows, rows))
+    watchers = CommandWatchers(cast(CommandRows, rows))
     await watchers.look()
     assert rows.looks == 0, "nobody waits"
     seen: list[list[str]] = [[] for _ in range(1000)]
@@ -61,7 +61,7 @@ async def test_a_thousand_cost_one_look_and_all_hear_of_it() -> None:
 async def test_who_comes_later_wakes_who_has_waited() -> None:
     """The one who comes sees the new state before the next look does, which then finds nothing new."""
     rows = Rows({"c": "issued"})
-    watchers = Watchers(cast(CommandRows, rows))
+    watchers = CommandWatchers(cast(CommandRows, rows))
     first: list[str] = []
     waiting = asyncio.create_task(follow(watchers, rows, "c", first, last="done"))
     await asyncio.sleep(0)
@@ -73,7 +73,7 @@ async def test_who_comes_later_wakes_who_has_waited() -> None:
 
 async def test_a_command_that_was_deleted_wakes_who_waits() -> None:
     rows = Rows({"c": "issued"})
-    watchers = Watchers(cast(CommandRows, rows))
+    watchers = CommandWatchers(cast(CommandRows, rows))
     seen: list[str] = []
     waiting = asyncio.create_task(follow(watchers, rows, "c", seen, last="gone"))
     await asyncio.sleep(0)

@@ -1,7 +1,7 @@
 """Durable commands against everything that can go wrong between gateways and a robot: each runs at most once, comes to
 exactly one end, and a result that was stored stays.
 
-Two gateways on one database, the agent's real desk of durable commands on a disk in memory, and a link between them
+Two gateways on one database, the agent's real handler of durable commands on a disk in memory, and a link between them
 that is cut, or connected to the other gateway, at any step; both sides are killed and restarted at any step.
 """
 
@@ -21,12 +21,12 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from edge_agent.command_log import CommandLog
-from edge_agent.durable import Durable
-from edge_agent.kept_results import KeptResults
-from edge_agent.uplink.desk import Told
-from edge_agent.uplink.session import CommandArrived
-from gateway.domain.command import (
+from edge_agent.commands.durable import DurableCommands
+from edge_agent.commands.executed_ids import CommandLog
+from edge_agent.commands.stored_results import StoredResults
+from edge_agent.link.frames import CommandArrived, ControlFrame
+from gateway.domain.errors import CommandDeliveredError
+from gateway.domain.fleet.command import (
     CANCELLED,
     DONE,
     EXPIRED,
@@ -37,14 +37,13 @@ from gateway.domain.command import (
     new_command_id,
     wire_id,
 )
-from gateway.domain.errors import CommandDeliveredError
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.domain.principal import Principal, Role
 from gateway.domain.robot import Robot
 from gateway.errors import RobotOfflineError, StoreError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.orders import Order, OrderDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.command_manager import CommandManager, NewCommand
+from gateway.fleet.manager import FleetManager
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.sqlite import SqliteEngine
@@ -52,7 +51,7 @@ from gateway.store.writes import RobotWrite
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.errors import MetarosError
-from tests.support.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_disk import Crash, SimDisk
 
 ROBOT = "r1"
 ANN = Principal(kind="key", id="k1", name="ann", role=Role.OPERATOR, robots=("*",))
@@ -142,8 +141,8 @@ class Life:
         self.disk = LifeDisk(world.disk)
         self.tasks: set[asyncio.Task[None]] = set()
         disk: Any = self.disk
-        self.log, self.kept = CommandLog(disk), KeptResults(disk)
-        self.durable = Durable(self.kept, self.log, world.clock, run=self.run, spawn=self.spawn)
+        self.log, self.kept = CommandLog(disk), StoredResults(disk)
+        self.durable = DurableCommands(self.kept, self.log, world.clock, run=self.run, spawn=self.spawn)
 
     def spawn(self, work: Any) -> None:
         task = asyncio.get_running_loop().create_task(work)
@@ -161,7 +160,7 @@ class Life:
     def hear(self, frame: link_pb2.GatewayFrame) -> None:
         clock = self.world.clock
         if frame.HasField("result_stored"):
-            self.durable.take(Told(frame, clock.monotonic_s()))
+            self.durable.take(ControlFrame(frame, clock.monotonic_s()))
             return
         event = CommandArrived(frame.command, clock.monotonic_s(), clock.wall_ns())
         link = self.world.link
@@ -202,13 +201,13 @@ class World:
         self.disk = SimDisk(self.rng)
         self.executed: Counter[bytes] = Counter()
         self.link: Link | None = None
-        self.desks = [self.desk(0), self.desk(1)]
+        self.managers = [self.manager(0), self.manager(1)]
         self.life = Life(self)
         self.ids: list[str] = []
         self.frames: list[link_pb2.GatewayFrame] = []
         self.ended: dict[str, Command] = {}
 
-    def desk(self, number: int) -> OrderDesk:
+    def manager(self, number: int) -> CommandManager:
         view = View(self, number)
 
         def send(robot: str, frame: link_pb2.GatewayFrame) -> None:
@@ -216,14 +215,14 @@ class World:
                 raise RobotOfflineError(robot)
             self.link.down.append(frame)
 
-        commands = CommandDesk(send, clock=self.clock)
-        fleet = FleetDesk(lambda robot: view, commands, LeaseTable(valid_s=3), clock=self.clock)
-        return OrderDesk(self.base, commands, fleet, lambda robot: view, send, clock=self.clock)
+        commands = CommandDispatcher(send, clock=self.clock)
+        fleet = FleetManager(lambda robot: view, commands, LeaseTable(valid_s=3), clock=self.clock)
+        return CommandManager(self.base, commands, fleet, lambda robot: view, send, clock=self.clock)
 
     async def issue(self) -> None:
-        desk = self.desks[self.rng.randrange(2)]
+        manager = self.managers[self.rng.randrange(2)]
         number = len(self.ids)
-        order = Order(
+        order = NewCommand(
             robot=ROBOT,
             kind="read_log",
             request={"node": f"n{number}"},
@@ -232,26 +231,26 @@ class World:
             idempotency=f"key {number}" if self.rng.random() < 0.5 else None,
         )
         with contextlib.suppress(StoreError):
-            command = await desk.send(order, ANN)
+            command = await manager.send(order, ANN)
             self.ids.append(command.id)
             if order.idempotency:
-                assert (await self.desks[0].send(order, ANN)).id == command.id
+                assert (await self.managers[0].send(order, ANN)).id == command.id
 
     async def cancel(self) -> None:
         if self.ids:
             with contextlib.suppress(StoreError, CommandDeliveredError):
-                await self.desks[self.rng.randrange(2)].cancel(self.rng.choice(self.ids))
+                await self.managers[self.rng.randrange(2)].cancel(self.rng.choice(self.ids))
 
     def connect(self, gateway: int | None = None) -> None:
         self.cut()
         self.link = Link(self.rng.randrange(2) if gateway is None else gateway)
-        self.desks[self.link.gateway].delivery.on_online(ROBOT, True)
+        self.managers[self.link.gateway].delivery.on_online(ROBOT, True)
         self.life.linked(self.link)
 
     def cut(self) -> None:
         if self.link is not None:
             gateway, self.link = self.link.gateway, None
-            self.desks[gateway].delivery.on_online(ROBOT, False)
+            self.managers[gateway].delivery.on_online(ROBOT, False)
 
     def kill_agent(self) -> None:
         self.life.end()
@@ -266,8 +265,8 @@ class World:
         number = self.rng.randrange(2)
         if self.link is not None and self.link.gateway == number:
             self.cut()
-        await self.desks[number].delivery.close()
-        self.desks[number] = self.desk(number)
+        await self.managers[number].delivery.close()
+        self.managers[number] = self.manager(number)
 
     def down(self) -> None:
         if self.link is not None and self.link.down:
@@ -284,7 +283,7 @@ class World:
     def up(self) -> None:
         if self.link is not None and self.link.up:
             result = self.link.up.popleft().result
-            self.desks[self.link.gateway].delivery.on_result(ROBOT, result)
+            self.managers[self.link.gateway].delivery.on_result(ROBOT, result)
 
     async def step(self, what: str) -> None:
         match what:
@@ -312,7 +311,7 @@ class World:
                 self.replay()
             case "look":
                 with contextlib.suppress(StoreError):
-                    await self.desks[self.rng.randrange(2)].delivery.look()
+                    await self.managers[self.rng.randrange(2)].delivery.look()
         for _ in range(self.rng.randrange(6)):
             self.down()
             self.up()
@@ -322,7 +321,7 @@ class World:
             self.kill_agent()
 
     async def commands(self) -> list[Command]:
-        return [await self.desks[0].get(command_id) for command_id in self.ids]
+        return [await self.managers[0].get(command_id) for command_id in self.ids]
 
     async def check(self) -> None:
         """An end is for ever, and nothing ran twice."""
@@ -339,7 +338,7 @@ class World:
             self.kill_agent()
         self.connect(0)
         for _ in range(200):
-            await self.desks[0].delivery.look()
+            await self.managers[0].delivery.look()
             for _ in range(100):
                 self.down()
                 self.up()
@@ -381,8 +380,8 @@ async def live(folder: Path, seed: int, steps: list[str]) -> None:
             assert ran == 0, command
         else:
             assert (command.state, command.code) == (FAILED, "interrupted"), command
-    for desk in world.desks:
-        await desk.delivery.close()
+    for manager in world.managers:
+        await manager.delivery.close()
     world.life.end()
     world.base.engine.close()
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.domain.channel import Channel
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.domain.robot import Robot
 from gateway.errors import (
     CommandRefusedError,
@@ -21,11 +21,11 @@ from gateway.errors import (
     TooManyError,
     UnknownRobotError,
 )
-from gateway.fleet.commands import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDesk
-from gateway.fleet.desk import MAX_TIMEOUT_S, FleetDesk
-from gateway.fleet.teleop import TWIST_STAMPED, TeleopDesk
-from gateway.fleet.typed import is_large
-from gateway.fleet.types import TypeBook, full_type_name
+from gateway.fleet.command_dispatcher import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDispatcher
+from gateway.fleet.manager import MAX_TIMEOUT_S, FleetManager
+from gateway.fleet.ros.typed import is_large
+from gateway.fleet.ros.types import TypeRegistry, full_type_name
+from gateway.fleet.teleop import TWIST_STAMPED, TeleopManager
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -43,7 +43,7 @@ class Bot:
     robot: Robot = field(default_factory=lambda: Robot("r1", "/r1"))
     channels: dict[str, Channel] = field(default_factory=dict)
     frames: list[link_pb2.GatewayFrame] = field(default_factory=list)
-    desk: CommandDesk | None = None
+    manager: CommandDispatcher | None = None
 
     @property
     def here(self) -> bool:
@@ -61,15 +61,15 @@ class Bot:
         if not self.online:
             raise RobotOfflineError(robot)
         self.frames.append(frame)
-        if frame.HasField("command") and self.code is not None and self.desk is not None:
+        if frame.HasField("command") and self.code is not None and self.manager is not None:
             result = link_pb2.CommandResult(command_id=frame.command.command_id, ok=not self.code, code=self.code)
-            self.desk.on_result(robot, result)
+            self.manager.on_result(robot, result)
 
 
-def rig(**options: object) -> tuple[Bot, CommandDesk, TeleopDesk, ManualClock]:
+def rig(**options: object) -> tuple[Bot, CommandDispatcher, TeleopManager, ManualClock]:
     bot, clock = Bot(**options), ManualClock()
-    commands = bot.desk = CommandDesk(bot.send)
-    teleop = TeleopDesk(bot.find, commands, LeaseTable(valid_s=3.0), bot.send, clock=clock)
+    commands = bot.manager = CommandDispatcher(bot.send)
+    teleop = TeleopManager(bot.find, commands, LeaseTable(valid_s=3.0), bot.send, clock=clock)
     return bot, commands, teleop, clock
 
 
@@ -85,7 +85,7 @@ class Watched(dict[str, Any]):
 
 async def test_what_is_long_is_encoded_in_a_thread_and_goes_before_what_was_said_after_it() -> None:
     bot, commands, _, clock = rig()
-    fleet = FleetDesk(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
+    fleet = FleetManager(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
     turn, loop = asyncio.Lock(), {threading.get_ident()}
     for kind in ("publish", "call_service"):
         bot.frames.clear()
@@ -106,7 +106,7 @@ async def test_what_is_long_is_encoded_in_a_thread_and_goes_before_what_was_said
 @pytest.mark.parametrize("timeout_s", [0.0, -1.0, MAX_TIMEOUT_S + 1, float("nan")])
 async def test_a_call_without_end_or_time_is_refused_before_its_robot(timeout_s: float) -> None:
     bot, commands, _, clock = rig()
-    fleet = FleetDesk(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
+    fleet = FleetManager(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
     with pytest.raises(InvalidRequestError, match="timeout_s is more than 0 and at most"):
         await fleet.call("r1", "/a", type_name="std_srvs/srv/Trigger", request={}, timeout_s=timeout_s)
     assert bot.frames == []
@@ -124,7 +124,7 @@ async def test_a_call_without_end_or_time_is_refused_before_its_robot(timeout_s:
         (None, False),
     ],
 )
-def test_what_is_long_is_told_by_its_texts_and_numbers(message: Any, large: bool) -> None:
+def test_what_is_long_is_reported_by_its_texts_and_numbers(message: Any, large: bool) -> None:
     assert is_large(message) is large
 
 
@@ -253,13 +253,13 @@ def test_types_of_robots_are_learned_from_their_schema() -> None:
         schema_encoding="ros2msg",
         schema=schema,
     )
-    payload, _ = TypeBook().encode("my_robot/msg/Wheels", {"left": 1, "right": 2}, channel)
+    payload, _ = TypeRegistry().encode("my_robot/msg/Wheels", {"left": 1, "right": 2}, channel)
     assert payload[4:] == b"\x01\x00\x00\x00\x02\x00\x00\x00"
     odd = Channel(
         robot="r1", channel_id=1, topic="/t", schema_name="std_msgs/msg/String", type_hash="RIHS01_0", encoding="cdr"
     )
     with pytest.raises(TypeHashError):
-        TypeBook().encode("std_msgs/msg/String", {}, odd)
+        TypeRegistry().encode("std_msgs/msg/String", {}, odd)
 
 
 def test_short_type_names() -> None:

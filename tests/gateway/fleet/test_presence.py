@@ -15,9 +15,9 @@ from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
-from tests.gateway.api.test_updates import ADMIN, published
+from tests.gateway.api.rest.fleet.test_updates import ADMIN, published
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, running_gateway
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 NOW_NS = 1_800_000_000 * 10**9
 ROW = {"nodes": {"lidar": {"bundle": "lidar-node", "version": "0.9.0"}}}
@@ -44,7 +44,7 @@ async def test_what_one_gateway_says_the_other_knows(tmp_path: Path, postgres: P
         async def told(one: Presence, here: dict[str, tuple[bool, int]], robot: str, online: bool) -> None:
             here[robot] = (online, clock.wall_ns())
             one.on_online(robot)
-            await one.say()
+            await one.publish()
             await a.look()
             await b.look()
 
@@ -62,7 +62,7 @@ async def test_what_one_gateway_says_the_other_knows(tmp_path: Path, postgres: P
         clock.advance(ALIVE_NS / 1e9)  # and the gateway is never heard of again
         await b.look()
         assert b.of("r2") == (False, NOW_NS + 2 * 10**9 + ALIVE_NS)
-        await a.say()
+        await a.publish()
         await b.look()
         assert b.of("r2")[0]
         await a.close()
@@ -77,9 +77,9 @@ async def test_a_gateway_that_was_killed_forgets_its_links_when_it_comes_back(
     async with gateway_on(tmp_path / "b", url, clock, {}) as b:
         async with gateway_on(tmp_path / "a", url, clock, {"r1": (True, NOW_NS)}) as a:
             a.on_online("r1")
-            await a.say()
+            await a.publish()
         async with gateway_on(tmp_path / "a", url, clock, {}) as again:
-            await again.say()
+            await again.publish()
             await b.look()
             assert not b.of("r1")[0]
 
@@ -87,7 +87,7 @@ async def test_a_gateway_that_was_killed_forgets_its_links_when_it_comes_back(
 async def test_a_gateway_that_is_alone_writes_nothing(tmp_path: Path) -> None:
     async with gateway_on(tmp_path, "", ManualClock(wall_ns=NOW_NS), {"r1": (True, NOW_NS)}) as alone:
         alone.on_online("r1")
-        await alone.say()
+        await alone.publish()
         await alone.look()
         assert (alone.of("r1"), alone.of("r2")) == ((True, NOW_NS), (False, 0))
         store = alone._store

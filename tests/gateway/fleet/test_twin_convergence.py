@@ -12,7 +12,7 @@ import pytest
 from tests.gateway.fleet.twin_model import Model
 from tests.gateway.fleet.twin_rig import rig_on
 from tests.gateway.fleet.twin_robot import ModelFleet
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 ROBOTS = {"a1": "lab", "a2": "lab", "b1": "hall", "b2": "hall"}
 

@@ -11,12 +11,12 @@ from random import Random  # noqa: TID251 - the type of an argument
 from typing import Any
 
 from gateway.domain.errors import TwinChangedError, UnknownTemplateError
-from gateway.domain.selector import Selector
-from gateway.domain.twin import Template, effective, made_of
-from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit, Outcome
-from gateway.fleet.twins import Editor
-from metaros.twin import canonical, merge
+from gateway.domain.fleet.selector import Selector
+from gateway.domain.fleet.twin import Template, effective, made_of
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.twins.manager import Editor
+from gateway.fleet.twins.plan import Edit, Outcome
+from metaros.fleet.twin import canonical, merge
 
 __all__ = ["ADMIN", "SITES", "Model", "Step", "random_step"]
 
@@ -81,11 +81,11 @@ class Model:
             patch = self._patch()
             selector = Selector.parse(f"site={what}")
             edit = Edit(patch=patch)
-            for outcome in await twins.desk.edit_many(selector, edit, editor, sees=bool, dry_run=False):
+            for outcome in await twins.manager.edit_many(selector, edit, editor, sees=bool, dry_run=False):
                 self._note(outcome, "patch", patch)
         elif kind == "label":
             edit = Edit(labels={"site": step[2]})
-            outcome = await twins.desk.edit(what, edit, editor, dry_run=False)
+            outcome = await twins.manager.edit(what, edit, editor, dry_run=False)
             if outcome.changed:
                 self._given[what][outcome.after.change] = step[2]
         else:
@@ -93,21 +93,21 @@ class Model:
 
     async def patch(self, twins: Twins, robot: str, patch: Mapping[str, Any]) -> None:
         """This very patch of a robot's own document."""
-        self._note(await twins.desk.edit(robot, Edit(patch=patch), ADMIN, dry_run=False), "patch", patch)
+        self._note(await twins.manager.edit(robot, Edit(patch=patch), ADMIN, dry_run=False), "patch", patch)
 
     async def _edit_one(self, twins: Twins, kind: str, robot: str, editor: Editor) -> None:
         if kind == "again":
-            await twins.desk.edit(robot, Edit(again=True), editor, dry_run=False)
+            await twins.manager.edit(robot, Edit(again=True), editor, dry_run=False)
             return
         value, expected = self._patch(), None
         if kind == "put":
             value = merge({}, value)
         if kind == "patch if unchanged":
-            seen = (await twins.desk.state(robot)).desired
+            seen = (await twins.manager.state(robot)).desired
             expected = seen.revision, seen.edition
         edit = Edit(document=value) if kind == "put" else Edit(patch=value)
         try:
-            outcome = await twins.desk.edit(robot, edit, editor, expected=expected, dry_run=False)
+            outcome = await twins.manager.edit(robot, edit, editor, expected=expected, dry_run=False)
         except TwinChangedError:
             return
         self._note(outcome, kind, value)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.domain.robot import Robot
 from gateway.fleet.robots import SendFrame
-from gateway.fleet.twin_feature import Twins
+from gateway.fleet.twins.feature import Twins
 from gateway.store import RobotWrite, Store
 from gateway.store.retention import Retention
 from metaros.clock import SystemClock

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import open_objects
 from gateway.store.engine import StoreEngine
+from gateway.store.objects import open_objects
 from tests.gateway.history.source import EngineSource, compact_all
 from tests.gateway.store.conftest import connect, engine
-from tests.support.postgres import PostgresServer
-from tests.support.sqlite_store import place_store
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.sqlite_store import place_store
 
 __all__ = ["connect", "engine", "form", "source", "store_url"]
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from gateway.errors import DamagedError
 from gateway.history.losses import Loss
 from gateway.history.source import Newest
-from gateway.objects import ObjectStore
-from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
-from gateway.store.history import find_runs, gaps_between, newest_candidates
 from gateway.store.ledger import in_transaction
-from gateway.store.load import RunLoader
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.objects import ObjectStore
+from gateway.store.telemetry.compact import Compaction
+from gateway.store.telemetry.history import find_runs, gaps_between, newest_candidates
+from gateway.store.telemetry.load import RunLoader
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
 from metaros.clock import SystemClock
 
 __all__ = ["EngineSource", "compact_all"]

@@ -19,9 +19,9 @@ from gateway.history import export as exports
 from gateway.history.export import GAPS, Export, ExportRequest
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.samples import StoredBatch, StoredRun
-from metaros.cli.bag_view import bag_facts, print_bag
-from metaros.cli.output import Output
+from gateway.store.telemetry.samples import StoredBatch, StoredRun
+from metaros.cli.bag.view import bag_facts, print_bag
+from metaros.cli.shared.output import Output
 from metaros.limits import Limits
 from metaros.record import open_bag
 from tests.gateway.history.source import EngineSource

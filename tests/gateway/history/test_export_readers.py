@@ -14,9 +14,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from gateway.api.rest.export import MEDIA_TYPE
-from gateway.objects import open_objects
+from gateway.api.rest.history.export import MEDIA_TYPE
 from gateway.store.engines import open_engine
+from gateway.store.objects import open_objects
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class

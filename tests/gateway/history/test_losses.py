@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.history.losses import MAX_LOSSES, Loss, folded, loss_view
+from gateway.history.losses import MAX_LOSSES, Loss, loss_view, merged_losses
 
 
 def loss(from_ns: int, to_ns: int, *, count: int = 1, reason: str = "outbox_full", topic: str | None = "/a") -> Loss:
@@ -11,15 +11,15 @@ def loss(from_ns: int, to_ns: int, *, count: int = 1, reason: str = "outbox_full
 
 def test_close_ones_of_a_topic_and_reason_are_one() -> None:
     losses = [loss(100, 200, count=5), loss(0, 50, count=2), loss(251, 260), loss(120, 130, topic="/b")]
-    assert folded(losses, within_ns=50) == [loss(0, 200, count=7), loss(120, 130, topic="/b"), loss(251, 260)]
-    assert folded([loss(0, 9), loss(3, 5, count=4)]) == [loss(0, 9, count=5)]
-    assert folded([loss(0, 9), loss(3, 5, reason="evicted")]) == [loss(0, 9), loss(3, 5, reason="evicted")]
-    assert folded([]) == []
+    assert merged_losses(losses, within_ns=50) == [loss(0, 200, count=7), loss(120, 130, topic="/b"), loss(251, 260)]
+    assert merged_losses([loss(0, 9), loss(3, 5, count=4)]) == [loss(0, 9, count=5)]
+    assert merged_losses([loss(0, 9), loss(3, 5, reason="evicted")]) == [loss(0, 9), loss(3, 5, reason="evicted")]
+    assert merged_losses([]) == []
 
 
 def test_the_newest_stay() -> None:
     many = [loss(10 * n, 10 * n + 1) for n in range(MAX_LOSSES + 5)]
-    assert folded(many) == many[5:]
+    assert merged_losses(many) == many[5:]
 
 
 def test_view() -> None:

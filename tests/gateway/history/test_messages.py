@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.history.messages import merged
-from gateway.store.samples import StoredBatch, StoredRun
+from gateway.store.telemetry.samples import StoredBatch, StoredRun
 from tests.gateway.store.samples import channel
 
 CHANNEL = channel()

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.decoder import Decoder
+from gateway.domain.decoder import Decoder
 from gateway.errors import InvalidRequestError
 from gateway.history.cursor import read_cursor, write_cursor
-from gateway.history.messages import Place
+from gateway.history.messages import MessageKey
 from gateway.history.pages import PageRequest, message_facts, read_page
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
@@ -23,7 +23,7 @@ from tests.gateway.store.samples import run_write
 PLACES = [(0, 0, 0, 0), (-5, 1, 2**64 - 1, 2**63), (2**62, (1 << 32) - 1, 7, 9)]
 
 
-def request(*, limit: int = 7, newest_first: bool = False, after: Place | None = None) -> PageRequest:
+def request(*, limit: int = 7, newest_first: bool = False, after: MessageKey | None = None) -> PageRequest:
     return PageRequest(
         robot_id="r1",
         topics=("/events", "/other"),

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import DamagedError, InvalidRequestError, PurgedError
-from gateway.history import walk as walks
-from gateway.history.walk import Walk
-from gateway.objects import open_objects
+from gateway.history import scan as walks
+from gateway.history.scan import Scan
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.objects import open_objects
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch, StoredRun
 from tests.gateway.history.source import EngineSource, compact_all
 from tests.gateway.store.samples import run_write
 
@@ -45,21 +45,21 @@ def test_every_message_comes_once_in_order(engine: StoreEngine, source: Callable
     numbers, at = fill(engine), source()
     for newest_first in (False, True):
         for window_runs in (1, 2, 256):
-            walk = Walk(source=at, newest_first=newest_first, window_runs=window_runs, **ALL)
-            found = [message.seq for message in walk.messages()]
+            scan = Scan(source=at, newest_first=newest_first, window_runs=window_runs, **ALL)
+            found = [message.seq for message in scan.messages()]
             assert found == (numbers[::-1] if newest_first else numbers), (newest_first, window_runs)
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
-def test_runs_that_overlap_in_time_are_told_apart_by_no_window(engine: StoreEngine, newest_first: bool) -> None:
+def test_runs_that_overlap_in_time_are_reported_apart_by_no_window(engine: StoreEngine, newest_first: bool) -> None:
     """One topic's runs are long, those of the other many and short, between the stamps of a long one."""
     numbers = fill(engine, batches=3, size=6)
     short = [run_write(n, [b"x"], stream_id=8, topic="/short", stamp_ns=1000) for n in range(1, 19)]
     Committer(engine).commit(short, now_ns=1)
     wanted = {**ALL, "topics": ("/events", "/short")}
     for window_runs in (2, 3, 7, 256):
-        walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=window_runs, **wanted)
-        found = [(message.seq, message.payload == b"x") for message in walk.messages()]
+        scan = Scan(source=EngineSource(engine), newest_first=newest_first, window_runs=window_runs, **wanted)
+        found = [(message.seq, message.payload == b"x") for message in scan.messages()]
         assert sorted(found) == sorted((number, is_short) for number in numbers for is_short in (False, True))
         in_turn = [seq for seq, _ in found]
         assert in_turn == sorted(in_turn, reverse=newest_first), window_runs
@@ -69,8 +69,8 @@ def test_runs_that_overlap_in_time_are_told_apart_by_no_window(engine: StoreEngi
 def test_compaction_meanwhile_changes_nothing(engine: StoreEngine, tmp_path: Path, newest_first: bool) -> None:
     numbers = fill(engine, batches=20)
     source = Compacting(engine, open_objects("", tmp_path))
-    walk = Walk(source=source, newest_first=newest_first, window_runs=3, **ALL)
-    found = [(message.seq, int(message.payload)) for message in walk.messages()]
+    scan = Scan(source=source, newest_first=newest_first, window_runs=3, **ALL)
+    found = [(message.seq, int(message.payload)) for message in scan.messages()]
     assert found == [(number, number) for number in (numbers[::-1] if newest_first else numbers)]
     assert source.windows >= 3
 
@@ -80,11 +80,11 @@ def test_stamps_that_stand_still(engine: StoreEngine, newest_first: bool, monkey
     """Batches with one and the same stamp do not fit a window, which grows; beyond a bound it is an error."""
     writes = [run_write(n, [b"x"], stamp_ns=5000 - n) for n in range(1, 8)]
     Committer(engine).commit(writes, now_ns=1)
-    walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=2, **ALL)
-    assert sorted(message.seq for message in walk.messages()) == list(range(1, 8))
+    scan = Scan(source=EngineSource(engine), newest_first=newest_first, window_runs=2, **ALL)
+    assert sorted(message.seq for message in scan.messages()) == list(range(1, 8))
     monkeypatch.setattr(walks, "MOST_RUNS", 4)
     with pytest.raises(InvalidRequestError, match="5000"):
-        list(walk.messages())
+        list(scan.messages())
 
 
 @pytest.mark.parametrize(("error", "reason"), [(DamagedError, "damaged"), (PurgedError, "purged")])
@@ -99,22 +99,22 @@ def test_what_cannot_be_read_is_a_loss_and_the_rest_goes_on(
                 raise error("gone")
             return super().load(run)
 
-    walk = Walk(source=Holed(engine), window_runs=2, **ALL)
-    found = [message.seq for message in walk.messages()]
+    scan = Scan(source=Holed(engine), window_runs=2, **ALL)
+    found = [message.seq for message in scan.messages()]
     assert found == [n for n in range(1, 46) if not (6 <= n <= 15 or 31 <= n <= 35)]
-    assert [(loss.count, loss.reason, loss.topic) for loss in walk.losses] == [(15, reason, "/events")]
+    assert [(loss.count, loss.reason, loss.topic) for loss in scan.losses] == [(15, reason, "/events")]
 
 
 def test_a_stopped_walk_ends(engine: StoreEngine) -> None:
     fill(engine)
     seen: list[int] = []
-    walk = Walk(source=EngineSource(engine), window_runs=2, stopped=lambda: len(seen) >= 7, **ALL)
-    for message in walk.messages():
+    scan = Scan(source=EngineSource(engine), window_runs=2, stopped=lambda: len(seen) >= 7, **ALL)
+    for message in scan.messages():
         seen += [message.seq]
     assert 7 <= len(seen) <= 15
 
 
 def test_no_topic_is_no_message(engine: StoreEngine) -> None:
     fill(engine)
-    walk = Walk(source=EngineSource(engine), robot_id="r1", topics=(), start_ns=0, end_ns=1 << 60)
-    assert list(walk.messages()) == []
+    scan = Scan(source=EngineSource(engine), robot_id="r1", topics=(), start_ns=0, end_ns=1 << 60)
+    assert list(scan.messages()) == []

@@ -11,11 +11,11 @@ import pytest
 
 from gateway.domain.records import split_records
 from gateway.errors import DamagedError
-from gateway.history import instant as instants
-from gateway.history.instant import pack_instant, read_instant
+from gateway.history import snapshot as instants
+from gateway.history.snapshot import pack_snapshot, read_snapshot
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.samples import StoredBatch, StoredRun
+from gateway.store.telemetry.samples import StoredBatch, StoredRun
 from metaros.limits import Limits
 from tests.gateway.history.source import EngineSource
 from tests.gateway.store.samples import channel, gap_write, run_write
@@ -44,8 +44,8 @@ def test_the_newest_by_then(engine: StoreEngine, source: Callable[..., EngineSou
     commit(engine)
     at = source()
     for t_ns, payload in ((SECOND, b"1"), (5 * SECOND - 1, b"4"), (15 * SECOND, b"15"), (29 * SECOND, b"20")):
-        instant = read_instant(at, "r1", ["/events", "/map"], t_ns=t_ns, max_age_ns=10 * SECOND)
-        facts, records = unpacked(pack_instant(instant))
+        snapshot = read_snapshot(at, "r1", ["/events", "/map"], t_ns=t_ns, max_age_ns=10 * SECOND)
+        facts, records = unpacked(pack_snapshot(snapshot))
         assert [(number, content) for number, _, content in records] == [(1, payload), (2, b"map")]
         assert [row["topic"] for row in facts["channels"]] == ["/events", "/map"]
         assert facts["channels"][0]["channel"] == 1
@@ -57,14 +57,14 @@ def test_why_there_is_none(engine: StoreEngine, source: Callable[..., EngineSour
     commit(engine)
     Committer(engine).commit([gap_write(11, 14, stream_id=7), gap_write(1, 9, stream_id=8)], now_ns=1)
     now = source()
-    late = read_instant(now, "r1", ["/events", "/map", "/none"], t_ns=31 * SECOND, max_age_ns=10 * SECOND)
-    facts, records = unpacked(pack_instant(late))
+    late = read_snapshot(now, "r1", ["/events", "/map", "/none"], t_ns=31 * SECOND, max_age_ns=10 * SECOND)
+    facts, records = unpacked(pack_snapshot(late))
     assert [content for _, _, content in records] == [b"map"]
     assert facts["missing"] == [
         {"topic": "/events", "reason": "too_old", "nearest_ms": 20_000.0},
         {"topic": "/none", "reason": "not_stored", "nearest_ms": None},
     ]
-    early = read_instant(now, "r1", ["/events"], t_ns=2, max_age_ns=10)
+    early = read_snapshot(now, "r1", ["/events"], t_ns=2, max_age_ns=10)
     assert [item.reason for item in early.missing] == ["not_stored"]
     assert [(loss.count, loss.reason) for loss in early.losses] == [(4, "outbox_full")]
 
@@ -72,8 +72,8 @@ def test_why_there_is_none(engine: StoreEngine, source: Callable[..., EngineSour
 def test_an_answer_is_bounded(engine: StoreEngine, monkeypatch: pytest.MonkeyPatch) -> None:
     commit(engine)
     monkeypatch.setattr(instants, "LIMITS", Limits(history_instant_bytes=3))
-    instant = read_instant(EngineSource(engine), "r1", ["/events", "/map"], t_ns=20 * SECOND, max_age_ns=SECOND)
-    assert [(item.topic, item.reason) for item in instant.missing] == [("/map", "too_large")]
+    snapshot = read_snapshot(EngineSource(engine), "r1", ["/events", "/map"], t_ns=20 * SECOND, max_age_ns=SECOND)
+    assert [(item.topic, item.reason) for item in snapshot.missing] == [("/map", "too_large")]
 
 
 def test_what_cannot_be_read_is_named_and_the_rest_is_there(engine: StoreEngine) -> None:
@@ -85,6 +85,6 @@ def test_what_cannot_be_read_is_named_and_the_rest_is_there(engine: StoreEngine)
                 raise DamagedError("gone")
             return super().load(run)
 
-    instant = read_instant(Damaged(engine), "r1", ["/events", "/map"], t_ns=20 * SECOND, max_age_ns=SECOND)
-    assert [(item.topic, item.reason) for item in instant.missing] == [("/events", "damaged")]
-    assert [message.payload for message in instant.messages] == [b"map"]
+    snapshot = read_snapshot(Damaged(engine), "r1", ["/events", "/map"], t_ns=20 * SECOND, max_age_ns=SECOND)
+    assert [(item.topic, item.reason) for item in snapshot.missing] == [("/events", "damaged")]
+    assert [message.payload for message in snapshot.messages] == [b"map"]

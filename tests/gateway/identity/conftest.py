@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from tests.gateway.store.conftest import connect, engine
-from tests.support.databases import store_url
+from tests.support.servers.databases import store_url
 
 __all__ = ["connect", "engine", "store_url"]

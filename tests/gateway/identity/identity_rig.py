@@ -1,4 +1,4 @@
-"""The gateway's identity desks on a store of a test, and a robot that knows how to enrol."""
+"""The gateway's identity managers on a store of a test, and a robot that knows how to enrol."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from gateway.identity.authorities import Authorities
-from gateway.identity.enrol import EnrolDesk, Enrolled
+from gateway.identity.certificates.authorities import Authorities
+from gateway.identity.certificates.enrol import Enrolled, EnrolManager
 from gateway.identity.robots import RobotIdentities
 from gateway.store import Store
 from gateway.store.retention import Retention
@@ -21,7 +21,7 @@ from metaros.clock import ManualClock, SystemClock
 from metaros.link.proof import link_statement, renew_statement, sign
 from tests.gateway.identity.robot_keys import ask, der, new_key
 
-__all__ = ["DAY", "Desks", "Held", "open_desks", "opened_store"]
+__all__ = ["DAY", "Held", "IdentityRig", "open_identity_rig", "opened_store"]
 
 DAY = 86_400.0
 FLEET = "fleet"
@@ -71,12 +71,12 @@ class Held:
 
 
 @dataclass
-class Desks:
+class IdentityRig:
     """One gateway's."""
 
     store: Store
     authorities: Authorities
-    enrol: EnrolDesk
+    enrol: EnrolManager
     robots: RobotIdentities
     clock: ManualClock
 
@@ -109,12 +109,14 @@ async def opened_store(folder: Path, url: str) -> AsyncIterator[Store]:
 
 
 @asynccontextmanager
-async def open_desks(folder: Path, url: str, *, required: bool = False, **options: Any) -> AsyncIterator[Desks]:
-    """The desks of a gateway whose data directory is `folder`; its clock stands still."""
+async def open_identity_rig(
+    folder: Path, url: str, *, required: bool = False, **options: Any
+) -> AsyncIterator[IdentityRig]:
+    """The identity managers of a gateway whose data directory is `folder`; its clock stands still."""
     clock = ManualClock(wall_ns=SystemClock().wall_ns())
     async with opened_store(folder, url) as store:
         authorities = Authorities(store, folder, fleet=FLEET, clock=clock, **options)
         await authorities.load()
         robots = RobotIdentities(store, authorities, clock=clock, required=required)
         await robots.refresh()
-        yield Desks(store, authorities, EnrolDesk(store, authorities, clock=clock, life_s=DAY), robots, clock)
+        yield IdentityRig(store, authorities, EnrolManager(store, authorities, clock=clock, life_s=DAY), robots, clock)

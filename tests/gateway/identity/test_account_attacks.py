@@ -9,9 +9,9 @@ import pytest
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from gateway.errors import CredentialsError, ForbiddenError, MetarosError
 from gateway.identity.keys import KeyRequest, NewKey
-from gateway.identity.oidc import Person
-from tests.gateway.identity.test_store_door import PASSWORD, Gate, gate
-from tests.support.databases import on_both
+from gateway.identity.oidc.client import Person
+from tests.gateway.identity.test_store_authenticator import PASSWORD, Gate, gate
+from tests.support.servers.databases import on_both
 
 __all__ = ["gate"]
 ADMIN_KEY = KeyRequest("k", Role.ADMIN)
@@ -20,7 +20,7 @@ ADMIN_KEY = KeyRequest("k", Role.ADMIN)
 async def key_of(gate: Gate, asker: Principal, wanted: KeyRequest = ADMIN_KEY) -> tuple[NewKey, Principal]:
     """A new key, and whom it means."""
     made = await gate.accounts.create_key(asker, wanted)
-    found = await gate.door.by_key(made.text)
+    found = await gate.authenticator.by_key(made.text)
     assert found is not None
     return made, found
 
@@ -36,10 +36,10 @@ async def test_what_a_key_makes_does_not_outlive_its_user(gate: Gate) -> None:
     await gate.user("root", Role.ADMIN)
     _, first = await key_of(gate, eve)
     second, _ = await key_of(gate, first)
-    third, _ = await key_of(gate, (await gate.door.by_key(second.text)) or eve)
+    third, _ = await key_of(gate, (await gate.authenticator.by_key(second.text)) or eve)
     assert second.key.user_id == third.key.user_id == eve.id
     await gate.accounts.change_user("eve", role=None, robots=None, disabled=True, password=None)
-    assert [await gate.door.by_key(made.text) for made in (second, third)] == [None, None]
+    assert [await gate.authenticator.by_key(made.text) for made in (second, third)] == [None, None]
     with pytest.raises(CredentialsError):
         await gate.accounts.create_key(first, ADMIN_KEY)
 
@@ -91,7 +91,7 @@ async def test_a_namesake_s_password_is_not_one_s_own(gate: Gate) -> None:
         await gate.accounts.change_own_password(old, "", "the thief's own password", address="10.0.0.9")
 
 
-async def test_who_signs_in_elsewhere_has_no_password_here(gate: Gate) -> None:
+async def test_who_signs_in_remote_has_no_password_here(gate: Gate) -> None:
     """With one they would come in past the provider, which is where they are locked out."""
     person = Person("https://id.example eve", "eve", Role.OPERATOR)
     done = await gate.accounts.sign_in_person(person, robots=EVERY_ROBOT, address="10.0.0.1")

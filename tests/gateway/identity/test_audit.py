@@ -14,13 +14,13 @@ import pytest
 from gateway.errors import StoreError, TooManyError
 from gateway.identity import audit
 from gateway.identity.audit import HOUR_S, AuditLog
-from gateway.objects import open_objects
 from gateway.store import Store
-from gateway.store.audit_heads import head_names
+from gateway.store.accounts.audit_heads import head_names
+from gateway.store.objects import open_objects
 from gateway.store.retention import Retention
 from metaros.clock import Clock, ManualClock
 from metaros.limits import LIMITS
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 SMALL = replace(LIMITS, audit_queue=3, audit_refusals_per_hour=5)

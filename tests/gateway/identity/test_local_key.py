@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from gateway.domain.principal import Role
-from gateway.identity.door import ClosedDoor
-from gateway.identity.local import LOCAL_KEY_FILE, Doors, LocalKey
-from tests.support.key_ring import KeyRing
+from gateway.identity.authenticator import DenyAllAuthenticator
+from gateway.identity.local_key import LOCAL_KEY_FILE, AuthenticatorChain, LocalKey
+from tests.support.gateways.memory_authenticator import KeyRing
 
 
 async def test_it_is_an_administrators_as_long_as_the_process_lives(tmp_path: Path) -> None:
@@ -39,12 +39,12 @@ async def test_every_start_makes_another_one(tmp_path: Path) -> None:
     assert await second.by_key(new) is not None
 
 
-async def test_the_first_door_that_knows_answers() -> None:
+async def test_the_first_authenticator_that_knows_answers() -> None:
     one, two = KeyRing(), KeyRing()
     key, (token, _) = two.add(role=Role.VIEWER, name="two"), two.sign_in(role=Role.ADMIN, name="ann")
-    doors = Doors(ClosedDoor(), one, two)
-    found, session = await doors.by_key(key), await doors.by_session(token)
+    authenticators = AuthenticatorChain(DenyAllAuthenticator(), one, two)
+    found, session = await authenticators.by_key(key), await authenticators.by_session(token)
     assert found is not None
     assert session is not None
     assert (found.name, session.name) == ("two", "ann")
-    assert (await doors.by_key(token), await doors.by_session(key)) == (None, None)
+    assert (await authenticators.by_key(token), await authenticators.by_session(key)) == (None, None)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gateway.errors import TooManyRequestsError
 from gateway.identity.lockout import LockOut, address_group
-from gateway.store.sessions import Failures
+from gateway.store.accounts.sessions import Failures
 from metaros.clock import ManualClock
 
 RULE = LockOut()

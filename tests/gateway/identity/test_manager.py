@@ -1,4 +1,4 @@
-"""The identities' desk beside a store that is away: the trouble is told once, and what follows it is followed."""
+"""The identity manager beside a store that is away: the trouble is told once, and what follows it is followed."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 import pytest
 
 from gateway.errors import StoreError
-from gateway.identity import desk as module
-from gateway.identity.desk import IdentityChoices, IdentityDesk
+from gateway.identity import manager as module
+from gateway.identity.manager import IdentityChoices, IdentityManager
 from metaros.clock import ManualClock
 
 
-async def test_authorities_that_cannot_be_followed_are_told_once_until_they_can(
+async def test_authorities_that_cannot_be_followed_are_reported_once_until_they_can(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "FOLLOW_S", 0.0)
     store: Any = SimpleNamespace(store_id="s" * 32)
-    desk = IdentityDesk(store, tmp_path, IdentityChoices(), clock=ManualClock())
+    manager = IdentityManager(store, tmp_path, IdentityChoices(), clock=ManualClock())
     ends = ["away", "away", "full", "full", "", "full"]
 
     async def follow() -> bool:
@@ -31,9 +31,9 @@ async def test_authorities_that_cannot_be_followed_are_told_once_until_they_can(
             raise StoreError(end)
         return False
 
-    monkeypatch.setattr(desk.authorities, "follow", follow)
+    monkeypatch.setattr(manager.authorities, "follow", follow)
     with caplog.at_level(logging.WARNING):
-        following = asyncio.create_task(desk._follow_authorities())
+        following = asyncio.create_task(manager._follow_authorities())
         for _ in range(40):
             await asyncio.sleep(0)
         assert not following.done()

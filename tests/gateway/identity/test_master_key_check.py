@@ -10,11 +10,11 @@ from gateway.domain.account import LAMBDA
 from gateway.domain.principal import Role
 from gateway.identity.keys import KeyRequest, create_key
 from gateway.identity.master import MASTER_KEY, MasterKey
+from gateway.identity.master_key_check import check_master
 from gateway.identity.rekey import begin, finish, reseal
-from gateway.identity.shared_key import check_master
 from metaros.errors import ConfigError
-from tests.gateway.identity.desks import opened_store
-from tests.support.databases import on_both
+from tests.gateway.identity.identity_rig import opened_store
+from tests.support.servers.databases import on_both
 
 OWN, OTHER = MasterKey(b"o" * 32), MasterKey(b"x" * 32)
 

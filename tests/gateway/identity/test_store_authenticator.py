@@ -16,13 +16,13 @@ from gateway.identity.errors import UnknownKeyError
 from gateway.identity.keys import KeyRequest
 from gateway.identity.master import MasterKey
 from gateway.identity.passwords import Passwords
-from gateway.identity.store_door import REMEMBERED_S, StoreDoor
+from gateway.identity.store_authenticator import REMEMBERED_S, StoreAuthenticator
 from gateway.store import Store
+from gateway.store.accounts.sessions import end_session
 from gateway.store.retention import Retention
-from gateway.store.sessions import end_session
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.support.databases import on_both
+from tests.support.servers.databases import on_both
 
 PASSWORD = "correct horse battery"
 LOCAL = Principal(kind="key", id="local", name="local", role=Role.ADMIN, robots=EVERY_ROBOT)
@@ -37,9 +37,13 @@ class Gate:
         self.store = Store(
             folder, clock=clock, retention=Retention(age_s=1e6, size_bytes=1 << 30), queue_bytes=1 << 20, url=url
         )
-        self.door = StoreDoor(self.store, clock=clock)
+        self.authenticator = StoreAuthenticator(self.store, clock=clock)
         self.accounts = Accounts(
-            self.store, self.door, MasterKey.load_or_make(folder), clock=clock, passwords=Passwords(hasher=FAST)
+            self.store,
+            self.authenticator,
+            MasterKey.load_or_make(folder),
+            clock=clock,
+            passwords=Passwords(hasher=FAST),
         )
 
     async def user(self, name: str = "ada", role: Role = Role.OPERATOR) -> None:
@@ -49,7 +53,7 @@ class Gate:
         return (await self.accounts.sign_in(name, password, address=address)).session.token
 
     async def who(self, token: str) -> Principal:
-        found = await self.door.by_session(token)
+        found = await self.authenticator.by_session(token)
         assert found is not None
         return found
 
@@ -71,12 +75,12 @@ async def test_a_session_is_its_user_until_it_signs_out(gate: Gate) -> None:
     assert len(found.csrf) == 64
     assert token not in (found.csrf, found.session_id)
     await gate.accounts.sign_out(found)
-    assert await gate.door.by_session(token) is None
+    assert await gate.authenticator.by_session(token) is None
     for wrong in ("", token[:-1], found.session_id, found.csrf, "\ud800", "x" * 10_000):
-        assert await gate.door.by_session(wrong) is None
+        assert await gate.authenticator.by_session(wrong) is None
 
 
-async def test_wrong_name_wrong_password_and_disabled_are_told_alike(gate: Gate) -> None:
+async def test_wrong_name_wrong_password_and_disabled_are_reported_alike(gate: Gate) -> None:
     await gate.user()
     await gate.user("bob")
     await gate.accounts.change_user("bob", role=None, robots=None, disabled=True, password=None)
@@ -139,10 +143,10 @@ async def test_a_session_ends_unused_or_old(gate: Gate) -> None:
     step_s = LIMITS.session_idle_s / 2
     for _ in range(int(LIMITS.session_s / step_s) - 1):
         gate.clock.advance(step_s)
-        assert await gate.door.by_session(busy) is not None
-    assert await gate.door.by_session(idle) is None
+        assert await gate.authenticator.by_session(busy) is not None
+    assert await gate.authenticator.by_session(idle) is None
     gate.clock.advance(step_s)
-    assert await gate.door.by_session(busy) is None
+    assert await gate.authenticator.by_session(busy) is None
 
 
 @on_both
@@ -174,8 +178,8 @@ async def test_one_sets_one_s_own_password(gate: Gate) -> None:
     with pytest.raises(ForbiddenError):
         await gate.accounts.change_own_password(LOCAL, "", PASSWORD, address="a")
     await gate.accounts.change_own_password(me, PASSWORD, "another horse battery", address="a")
-    assert await gate.door.by_session(mine) is not None
-    assert await gate.door.by_session(other) is None
+    assert await gate.authenticator.by_session(mine) is not None
+    assert await gate.authenticator.by_session(other) is None
     await gate.sign_in("admin", "another horse battery")
     assert user.name == me.name
 
@@ -183,28 +187,28 @@ async def test_one_sets_one_s_own_password(gate: Gate) -> None:
 async def test_a_key_opens_until_it_is_revoked_or_expires(gate: Gate) -> None:
     wanted = KeyRequest("ci", Role.OPERATOR, ("sim_*",), frozenset({"lambda"}), 60.0)
     one, two = [await gate.accounts.create_key(LOCAL, wanted) for _ in range(2)]
-    found = await gate.door.by_key(one.text)
+    found = await gate.authenticator.by_key(one.text)
     assert found is not None
     assert (found.kind, found.id, found.name, found.scopes) == ("key", one.key.id, "ci", {"lambda"})
     assert (found.sees("sim_1"), found.sees("arm")) == (True, False)
     forged = f"mrk_{one.key.id}_{two.secret}"
     for wrong in (forged, one.text[:-1], one.text + "a", one.secret, "", "mrk_x_y", "\ud800", "x" * 10_000):
-        assert await gate.door.by_key(wrong) is None
+        assert await gate.authenticator.by_key(wrong) is None
     await gate.accounts.revoke_key(LOCAL, one.key.id)
-    assert await gate.door.by_key(one.text) is None
-    assert await gate.door.by_key(two.text) is not None
+    assert await gate.authenticator.by_key(one.text) is None
+    assert await gate.authenticator.by_key(two.text) is not None
     gate.clock.advance(60.0)
-    assert await gate.door.by_key(two.text) is None
+    assert await gate.authenticator.by_key(two.text) is None
 
 
-async def test_what_changes_elsewhere_counts_within_two_seconds(gate: Gate) -> None:
+async def test_what_changes_remote_counts_within_two_seconds(gate: Gate) -> None:
     await gate.user()
     token = await gate.sign_in()
     found = await gate.who(token)
     await gate.store.run(lambda engine: end_session(engine, found.session_id))  # as another gateway would
-    assert await gate.door.by_session(token) == found
+    assert await gate.authenticator.by_session(token) == found
     gate.clock.advance(REMEMBERED_S)
-    assert await gate.door.by_session(token) is None
+    assert await gate.authenticator.by_session(token) is None
 
 
 async def test_a_lesser_role_counts_at_once(gate: Gate) -> None:
@@ -215,7 +219,7 @@ async def test_a_lesser_role_counts_at_once(gate: Gate) -> None:
     await gate.accounts.change_user("ada", role=Role.VIEWER, robots=("sim_1",), disabled=None, password=None)
     assert ((await gate.who(token)).role, (await gate.who(token)).robots) == (Role.VIEWER, ("sim_1",))
     await gate.accounts.delete_user("ada")
-    assert await gate.door.by_session(token) is None
+    assert await gate.authenticator.by_session(token) is None
 
 
 async def test_whose_keys_one_makes_sees_and_revokes(gate: Gate) -> None:
@@ -228,7 +232,7 @@ async def test_whose_keys_one_makes_sees_and_revokes(gate: Gate) -> None:
     assert [owner for _, owner in await gate.accounts.list_keys(LOCAL)] == ["ada"]
     with pytest.raises(ForbiddenError):
         await gate.accounts.create_key(ada, KeyRequest("root", Role.ADMIN))
-    by_key = await gate.door.by_key(key.text)
+    by_key = await gate.authenticator.by_key(key.text)
     assert by_key is not None
     with pytest.raises(ForbiddenError):
         await gate.accounts.create_key(by_key, KeyRequest("more", Role.VIEWER))
@@ -242,11 +246,11 @@ async def test_whose_keys_one_makes_sees_and_revokes(gate: Gate) -> None:
 
 async def test_what_is_remembered_is_bounded_and_holds_no_credential(gate: Gate) -> None:
     key = await gate.accounts.create_key(LOCAL, KeyRequest("ci", Role.VIEWER))
-    assert await gate.door.by_key(key.text) is not None
-    assert key.secret not in repr(vars(gate.door))
+    assert await gate.authenticator.by_key(key.text) is not None
+    assert key.secret not in repr(vars(gate.authenticator))
     for _ in range(100):
-        assert await gate.door.by_key(key.text[:-1]) is None
-    assert len(gate.door._known) == 1
+        assert await gate.authenticator.by_key(key.text[:-1]) is None
+    assert len(gate.authenticator._known) == 1
 
 
 async def test_a_password_with_weak_parameters_is_hashed_again(gate: Gate) -> None:

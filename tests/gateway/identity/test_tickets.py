@@ -16,8 +16,8 @@ from gateway.identity.users import change_user, create_user
 from gateway.store import Store
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.gateway.identity.desks import opened_store
-from tests.support.databases import on_both
+from tests.gateway.identity.identity_rig import opened_store
+from tests.support.servers.databases import on_both
 
 
 @pytest.fixture

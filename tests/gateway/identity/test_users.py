@@ -16,12 +16,13 @@ from gateway.identity.errors import LastAdminError, UnknownKeyError, UnknownUser
 from gateway.identity.keys import KeyRequest, NewKey, covers, key_principal, key_text, parse_key
 from gateway.identity.master import MasterKey
 from gateway.identity.sessions import open_session
-from gateway.store import accounts, api_keys
+from gateway.store.accounts import api_keys
+from gateway.store.accounts import users as accounts
+from gateway.store.accounts.sessions import find_session
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import in_transaction
-from gateway.store.sessions import find_session
 from metaros.limits import LIMITS
-from tests.support.databases import on_both
+from tests.support.servers.databases import on_both
 from tests.support.tables import refusal
 
 NOW_NS = 1_700_000_000 * 10**9

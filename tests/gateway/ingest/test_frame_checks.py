@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import ProtocolError
-from gateway.ingest.forms import read_twin
+from gateway.ingest.frame_checks import read_twin
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 

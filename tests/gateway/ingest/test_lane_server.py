@@ -18,15 +18,15 @@ from websockets.typing import Subprotocol
 
 from gateway.domain.identity import Peer
 from gateway.errors import ProtocolError
-from gateway.ingest.knocks import Knocks
-from gateway.ingest.lane_shell import LaneGoneError, serve_lane
+from gateway.ingest.lane_limits import LaneLimits
+from gateway.ingest.lane_server import LaneGoneError, serve_lane
 from gateway.ingest.links import Lane, Links
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, running_gateway
-from tests.support.processes import started
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until_async
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
@@ -121,7 +121,7 @@ async def test_a_socket_cut_while_frames_are_written_to_it(
 
 
 async def test_whoever_takes_not_even_the_last_words_is_cut() -> None:
-    links: Any = SimpleNamespace(knocks=Knocks(clock=ManualClock(), limits=LIMITS))
+    links: Any = SimpleNamespace(lane_limits=LaneLimits(clock=ManualClock(), limits=LIMITS))
 
     async def read() -> link_pb2.AgentFrame:
         return link_pb2.AgentFrame(heartbeat=link_pb2.Heartbeat())

@@ -12,7 +12,7 @@ import pytest
 from gateway.domain.identity import Admitted, Peer
 from gateway.domain.sample import Run
 from gateway.errors import FencedError
-from gateway.ingest.lane_shell import serve_lane
+from gateway.ingest.lane_server import serve_lane
 from gateway.ingest.links import Lane, LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry
@@ -175,19 +175,19 @@ async def test_a_session_that_another_gateway_has_anew_ends_here(rig: Rig) -> No
     assert not rig.links.has("r1")
 
 
-async def test_an_older_hello_than_what_lives_elsewhere_is_refused_without_an_alarm(rig: Rig) -> None:
+async def test_an_older_hello_than_what_lives_remote_is_refused_without_an_alarm(rig: Rig) -> None:
     await rig.connect(7)
     cloned: list[str] = []
-    rig.links.gate.cloned = cloned.append  # type: ignore[method-assign]
+    rig.links.authenticator.cloned = cloned.append  # type: ignore[method-assign]
     record = rig.registry.get("r1")
     rig.links.fence("r1", 9)
-    record.set_home("another", 9, wall_ns=0)
+    record.set_owner("another", 9, wall_ns=0)
     for number in (7, 8, 8, 9, 9):
         with pytest.raises(FencedError, match="another gateway"):
             await rig.connect(number, session_id=bytes([number]) * 16)
         rig.clock.advance(5.0)
     await rig.connect(10)
-    assert (rig.links.has("r1"), record.home, cloned) == (True, "", [])
+    assert (rig.links.has("r1"), record.owner_gateway, cloned) == (True, "", [])
 
 
 async def test_robots_are_sent_away_so_that_they_come_back_one_after_the_other(rig: Rig) -> None:
@@ -197,24 +197,24 @@ async def test_robots_are_sent_away_so_that_they_come_back_one_after_the_other(r
         lanes.append(rig.lanes)
         rig.lanes = {}
     rig.links.close()
-    told = []
+    reported = []
     for rig.lanes in lanes:
-        told.append((await rig.hear("goodbye")).retry_after_ms)
-    assert told == [200, 202, 204]
+        reported.append((await rig.hear("goodbye")).retry_after_ms)
+    assert reported == [200, 202, 204]
 
 
-async def test_a_process_that_is_back_after_another_one_elsewhere_is_one_of_two(rig: Rig) -> None:
+async def test_a_process_that_is_back_after_another_one_remote_is_one_of_two(rig: Rig) -> None:
     cloned: list[str] = []
-    rig.links.gate.cloned = cloned.append  # type: ignore[method-assign]
+    rig.links.authenticator.cloned = cloned.append  # type: ignore[method-assign]
     one, two = b"1" * 16, b"2" * 16
     await rig.connect(1, session_id=one)
     assert rig.links.process_of("r1") == one
-    for number, elsewhere in ((2, one), (3, one)):  # it went to another gateway and came back
-        rig.links.begun_elsewhere("r1", elsewhere)
+    for number, remote in ((2, one), (3, one)):  # it went to another gateway and came back
+        rig.links.started_remotely("r1", remote)
         await rig.connect(number, session_id=one)
     assert cloned == []
-    rig.links.begun_elsewhere("r1", two)  # it was started anew, or it has a copy
-    rig.links.begun_elsewhere("r2", two)
+    rig.links.started_remotely("r1", two)  # it was started anew, or it has a copy
+    rig.links.started_remotely("r2", two)
     assert cloned == []
     await rig.connect(4, session_id=one)
     assert cloned == ["r1"]

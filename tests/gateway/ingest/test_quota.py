@@ -25,8 +25,8 @@ from tests.gateway.ingest.test_session import (
     closed,
     refusals,
 )
-from tests.support.link_sim import Parts, run_world
-from tests.support.sim_gateway import Gateway
+from tests.support.simulation.link_sim import Parts, run_simulation
+from tests.support.simulation.sim_gateway import Gateway
 
 TIGHT = Quota(messages_per_s=60, bytes_per_s=4000)
 
@@ -54,7 +54,7 @@ class TightGateway(Gateway):
 def test_nothing_is_lost_to_a_quota_whatever_else_happens() -> None:
     TightGateway.put_offs = 0
     for seed in range(12):
-        run_world(seed, parts=Parts(gateway=TightGateway))
+        run_simulation(seed, parts=Parts(gateway=TightGateway))
     assert TightGateway.put_offs > 12, "the quota was never met: the test shows nothing"
 
 
@@ -125,10 +125,10 @@ def tight_rig(**quota: float) -> Rig:
 def test_a_lane_over_its_quota_waits_and_the_others_go_on() -> None:
     rig = tight_rig(messages_per_s=100)
     assert isinstance(rig.samples(1, 200)[0], Arrived)
-    over, told = rig.samples(201, 10)
+    over, reported = rig.samples(201, 10)
     assert over == OverQuota(put_off=True)
-    later = told.frame.retry_later
-    assert (told.lane, later.reason, later.retry_after_ms) == (DATA, "rate", 1000)
+    later = reported.frame.retry_later
+    assert (reported.lane, later.reason, later.retry_after_ms) == (DATA, "rate", 1000)
     assert rig.samples(211, 10) == [], "what was under way is dropped, without a word"
     assert rig.streams.accepted(1, EPOCH) == 200, "what was taken in stays taken in"
     rig.receive(announce=announce(3, 1), lane=CONTROL)

@@ -48,7 +48,7 @@ def test_a_new_agent_process_keeps_the_topics_counts() -> None:
     assert record.channel_of("/odom") is None
 
 
-def test_how_late_samples_come_is_a_number_that_other_gateways_can_be_told() -> None:
+def test_how_late_samples_come_is_a_number_that_other_gateways_can_be_reported() -> None:
     record, now_ns = RobotRecord(Robot("r"), seen_ns=0), 1_700_000_000 * 10**9
     record.announce([channel := make_channel(1, "/scan")], [])
     run = make_run(channel, 1)
@@ -151,20 +151,26 @@ def test_a_history_channel_is_counted_and_not_listed() -> None:
     assert (record.channels[3].received, record.channels[10].received) == (0, 5), "each goes on with its own counts"
 
 
-def test_a_robot_is_online_here_or_at_its_home() -> None:
+def test_a_robot_is_online_here_or_at_its_owner() -> None:
     record = RobotRecord(Robot("r"), seen_ns=1)
-    record.set_home("b", 7, wall_ns=5)
-    assert (record.online, record.here, record.home, record.home_session, record.since_ns) == (True, False, "b", 7, 5)
-    record.told = Counts(samples=3)
+    record.set_owner("b", 7, wall_ns=5)
+    assert (record.online, record.here, record.owner_gateway, record.owner_session, record.since_ns) == (
+        True,
+        False,
+        "b",
+        7,
+        5,
+    )
+    record.owner_counts = Counts(samples=3)
     assert (record.shown_counts.samples, record.counts.samples) == (3, 0)
     record.set_online(True, wall_ns=6)  # it came here: that link is the only one
-    assert (record.online, record.here, record.home, record.home_session) == (True, True, "", 0)
+    assert (record.online, record.here, record.owner_gateway, record.owner_session) == (True, True, "", 0)
     assert record.shown_counts is record.counts
     assert record.since_ns == 5, "it was never away"
-    record.set_home("b", 8, wall_ns=7)
+    record.set_owner("b", 8, wall_ns=7)
     record.set_online(False, wall_ns=8)
-    assert (record.online, record.here, record.home) == (True, False, "b")
-    record.set_home("", 0, wall_ns=9)
+    assert (record.online, record.here, record.owner_gateway) == (True, False, "b")
+    record.set_owner("", 0, wall_ns=9)
     assert (record.online, record.since_ns) == (False, 9)
 
 

@@ -346,19 +346,19 @@ def test_what_the_store_cannot_take_is_asked_for_again() -> None:
     rig = Rig()
     rig.samples(1, 5)
     rig.streams.commit(1, EPOCH, 2)
-    told = refusals(rig.session.refuse("store_full", retry_after_ms=250))
-    assert set(told) == set(LANES)
-    assert {(later.retry_after_ms, later.reason) for later in told.values()} == {(250, "store_full")}
-    assert len({later.token for later in told.values()}) == 3
+    reported = refusals(rig.session.refuse("store_full", retry_after_ms=250))
+    assert set(reported) == set(LANES)
+    assert {(later.retry_after_ms, later.reason) for later in reported.values()} == {(250, "store_full")}
+    assert len({later.token for later in reported.values()}) == 3
     assert rig.streams.accepted(1, EPOCH) == 2
     assert rig.samples(6, 2) == [], "it is dropped, and no hole in the numbers"
     assert rig.receive(metrics=pack_metrics(EPOCH, 1, [1], [10], [0.5])) == []
     assert rig.receive(gap=link_pb2.Gap(stream_id=1, epoch=EPOCH, from_seq=8, to_seq=9)) == []
     assert rig.samples(7, 1, stream=2)[0].durable is False, "live goes on"
     assert rig.session.refuse("store_full", retry_after_ms=250) == [], "once, until it is resumed"
-    rig.receive(resumed=link_pb2.Resumed(token=told[DATA].token + 7))
+    rig.receive(resumed=link_pb2.Resumed(token=reported[DATA].token + 7))
     assert rig.samples(3, 1) == [], "not with another token"
-    rig.receive(resumed=link_pb2.Resumed(token=told[DATA].token))
+    rig.receive(resumed=link_pb2.Resumed(token=reported[DATA].token))
     (again,) = rig.samples(3, 4)
     assert (again.duplicates, again.seq) == (0, 6)
     assert rig.samples(1, 1, stream=1 | BACKFILL_BIT, lane=BACKFILL) == [], "each lane for itself"

@@ -21,7 +21,7 @@ def test_a_writer_on_its_way_to_the_store_is_not_forgotten() -> None:
     assert table.writers == {5: "b"}
 
 
-def test_a_read_may_be_newer_than_a_commit_that_is_told_late() -> None:
+def test_a_read_may_be_newer_than_a_commit_that_is_reported_late() -> None:
     table = StreamTable({(1, 5): 10})
     table.refresh({(1, 5): 20}, {})
     assert table.confirm(1, 5, 15)

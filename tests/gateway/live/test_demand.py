@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.live.demand import DemandBook, merge_rates
+from gateway.live.demand import DemandTable, merge_rates
 
 
 def test_the_highest_rate_serves_all_and_zero_is_everything() -> None:
@@ -11,52 +11,52 @@ def test_the_highest_rate_serves_all_and_zero_is_everything() -> None:
     assert merge_rates([]) == 0
 
 
-def test_told_once() -> None:
-    book = DemandBook()
-    book.want("r", {"/odom": 10}, now_s=0)
-    assert book.due("r", now_s=0) == {"/odom": 10}
-    assert book.due("r", now_s=0) is None
-    book.want("r", {"/odom": 10, "/scan": 0}, now_s=1)
-    assert book.due("r", now_s=1) == {"/odom": 10, "/scan": 0}
-    assert book.told("r") == {"/odom": 10, "/scan": 0}
+def test_reported_once() -> None:
+    registry = DemandTable()
+    registry.want("r", {"/odom": 10}, now_s=0)
+    assert registry.due("r", now_s=0) == {"/odom": 10}
+    assert registry.due("r", now_s=0) is None
+    registry.want("r", {"/odom": 10, "/scan": 0}, now_s=1)
+    assert registry.due("r", now_s=1) == {"/odom": 10, "/scan": 0}
+    assert registry.sent("r") == {"/odom": 10, "/scan": 0}
 
 
 def test_released_after_two_seconds() -> None:
-    book = DemandBook(hold_s=2)
-    book.want("r", {"/odom": 10}, now_s=0)
-    book.due("r", now_s=0)
-    book.want("r", {}, now_s=5)
-    assert book.due("r", now_s=6.9) is None
-    assert book.releasing() == {"r"}
-    assert book.due("r", now_s=7) == {}
-    assert book.releasing() == set()
+    registry = DemandTable(hold_s=2)
+    registry.want("r", {"/odom": 10}, now_s=0)
+    registry.due("r", now_s=0)
+    registry.want("r", {}, now_s=5)
+    assert registry.due("r", now_s=6.9) is None
+    assert registry.releasing() == {"r"}
+    assert registry.due("r", now_s=7) == {}
+    assert registry.releasing() == set()
 
 
 def test_a_reload_costs_nothing() -> None:
-    book = DemandBook(hold_s=2)
-    book.want("r", {"/odom": 10}, now_s=0)
-    book.due("r", now_s=0)
-    book.want("r", {}, now_s=5)
-    assert book.due("r", now_s=5) is None
-    book.want("r", {"/odom": 10}, now_s=6)
-    assert book.due("r", now_s=60) is None
+    registry = DemandTable(hold_s=2)
+    registry.want("r", {"/odom": 10}, now_s=0)
+    registry.due("r", now_s=0)
+    registry.want("r", {}, now_s=5)
+    assert registry.due("r", now_s=5) is None
+    registry.want("r", {"/odom": 10}, now_s=6)
+    assert registry.due("r", now_s=60) is None
 
 
 def test_less_rate_is_held_and_more_is_not() -> None:
-    book = DemandBook(hold_s=2)
-    book.want("r", {"/odom": 0}, now_s=0)
-    book.due("r", now_s=0)
-    book.want("r", {"/odom": 5}, now_s=1)
-    assert book.due("r", now_s=2) is None
-    assert book.due("r", now_s=3) == {"/odom": 5}
-    book.want("r", {"/odom": 20}, now_s=3)
-    assert book.due("r", now_s=3) == {"/odom": 20}
+    registry = DemandTable(hold_s=2)
+    registry.want("r", {"/odom": 0}, now_s=0)
+    registry.due("r", now_s=0)
+    registry.want("r", {"/odom": 5}, now_s=1)
+    assert registry.due("r", now_s=2) is None
+    assert registry.due("r", now_s=3) == {"/odom": 5}
+    registry.want("r", {"/odom": 20}, now_s=3)
+    assert registry.due("r", now_s=3) == {"/odom": 20}
 
 
-def test_a_new_link_was_told_nothing() -> None:
-    book = DemandBook()
-    book.want("r", {"/odom": 10}, now_s=0)
-    book.due("r", now_s=0)
-    book.forget("r")
-    assert book.told("r") == {}
-    assert book.due("r", now_s=0) == {"/odom": 10}
+def test_a_new_link_was_reported_nothing() -> None:
+    registry = DemandTable()
+    registry.want("r", {"/odom": 10}, now_s=0)
+    registry.due("r", now_s=0)
+    registry.forget("r")
+    assert registry.sent("r") == {}
+    assert registry.due("r", now_s=0) == {"/odom": 10}

@@ -12,7 +12,7 @@ from gateway.live.feeds import Feeds, FleetSubscription, MetricSubscription
 from metaros.errors import FrameError
 from metaros.idl.globs import Glob
 from metaros.limits import Limits
-from tests.support.hub_rig import ListSink, Rig, make_channel, make_run, make_subscription
+from tests.support.gateways.hub_rig import ListSink, Rig, make_channel, make_run, make_subscription
 
 
 def test_queue_keeps_order_and_bytes() -> None:
@@ -196,7 +196,7 @@ def test_blocks_are_cut_at_a_quarter_mebibyte() -> None:
     assert [seq for _, seq, _ in rig.got()] == list(range(1, 21))
 
 
-def test_interest_is_told_and_becomes_demand() -> None:
+def test_interest_is_reported_and_becomes_demand() -> None:
     rig, changes = Rig(), []
     rig.hub.on_interest = lambda: changes.append(1)
     rig.viewer.subscribe(make_subscription(1, "/r/*", max_rate_hz=5))

@@ -15,8 +15,8 @@ from gateway.domain.channel import Channel
 from gateway.live.scope import matching
 from gateway.live.subscription import TopicSubscription
 from metaros.idl.globs import Glob
-from tests.support.hub_rig import ListSink, Rig, make_run
-from tests.support.video import COMPRESSED_VIDEO, access_units, pictures, video_message
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, pictures, video_message
+from tests.support.gateways.hub_rig import ListSink, Rig, make_run
 
 KEYS = {0, 6, 12, 18}
 STEP_NS = 33_000_000
@@ -231,11 +231,11 @@ def test_json_is_gated_as_well() -> None:
 def test_lookers_are_counted() -> None:
     rig = VideoRig(subscription(1), subscription(2, latest=True))
     rig.come(0)
-    assert rig.hub.lookers(rig.channel) == 2
+    assert rig.hub.viewer_count(rig.channel) == 2
     rig.viewer.unsubscribe(2)
-    assert rig.hub.lookers(rig.channel) == 1
+    assert rig.hub.viewer_count(rig.channel) == 1
     rig.viewer.close()
-    assert rig.hub.lookers(rig.channel) == 0
+    assert rig.hub.viewer_count(rig.channel) == 0
 
 
 @settings(max_examples=30)

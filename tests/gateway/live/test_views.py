@@ -15,7 +15,7 @@ from gateway.live.encoding import Block, View
 from gateway.live.hub import Hub
 from gateway.live.subscription import TopicSubscription
 from metaros.clock import SystemClock
-from tests.support.hub_rig import ListSink, make_run
+from tests.support.gateways.hub_rig import ListSink, make_run
 
 made_by: list[str] = []
 gate = threading.Event()
@@ -139,7 +139,7 @@ async def test_large_samples_are_shown_by_the_thread_in_order_and_hold_nobody_up
     hub.close()
 
 
-async def test_what_waits_for_the_thread_is_bounded_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_what_waits_for_the_thread_is_bounded_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     hub, notices = Hub(clock=SystemClock()), []
     sink = ListSink()
     viewer = hub.join(sink, on_dropped=lambda *notice: notices.append(notice))

@@ -60,8 +60,8 @@ def test_what_nobody_knows_is_left_out() -> None:
 def test_robots_of_other_gateways_are_theirs_to_judge() -> None:
     view = FleetView(most=20)
     view.add("r1", True, Counts(), 1.0, 0.5, 10)
-    view.add_elsewhere(Counts(), online=True)
-    view.add_elsewhere(Counts(), online=False)  # it was there last
+    view.add_remote(Counts(), online=True)
+    view.add_remote(Counts(), online=False)  # it was there last
     found = values(view)
     assert [found["metaros_robots", state] for state in ("online", "elsewhere", "offline")] == [1, 1, 1]
     assert found["metaros_backlog_bytes",] == 10

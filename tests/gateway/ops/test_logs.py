@@ -9,7 +9,7 @@ import logging
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.ops.logs import JsonFormatter, TextFormatter, asked_by, tell_of
+from gateway.ops.logs import JsonFormatter, TextFormatter, add_log_context, log_context
 
 FACTS = {"request_id": "ab12", "principal": "key:prometheus", "robot": "sim_1"}
 
@@ -20,7 +20,7 @@ def record(text: str, *args: object, error: BaseException | None = None) -> logg
 
 
 def test_a_line_of_json_says_who_asked() -> None:
-    with asked_by(lambda: FACTS):
+    with log_context(lambda: FACTS):
         line = json.loads(JsonFormatter().format(record("robot %s said %r", "sim_1", "hi")))
     assert line.pop("time").endswith("Z")
     assert line == {"level": "warning", "logger": "gateway.test", "message": "robot sim_1 said 'hi'", **FACTS}
@@ -28,7 +28,7 @@ def test_a_line_of_json_says_who_asked() -> None:
 
 
 def test_a_line_of_text_says_it_too() -> None:
-    with asked_by(lambda: FACTS):
+    with log_context(lambda: FACTS):
         line = TextFormatter().format(record("hm"))
     assert line.endswith("WARNING gateway.test: hm [request_id=ab12 principal=key:prometheus robot=sim_1]")
     assert TextFormatter().format(record("hm")).endswith("gateway.test: hm")
@@ -47,18 +47,18 @@ def test_an_error_comes_with_its_traceback() -> None:
 @settings(max_examples=50)
 @given(st.text(st.characters(codec=None)), st.text(st.characters(codec=None)))
 def test_whatever_a_name_holds_it_is_one_printable_line(text: str, name: str) -> None:
-    with asked_by(lambda: {"principal": name}):
-        told = JsonFormatter().format(record("%s", text))
+    with log_context(lambda: {"principal": name}):
+        reported = JsonFormatter().format(record("%s", text))
         shown = TextFormatter().format(record("%s", text))
-    assert told.isprintable()
-    assert json.loads(told)["level"] == "warning"
+    assert reported.isprintable()
+    assert json.loads(reported)["level"] == "warning"
     assert "\n" not in shown
     assert shown.isprintable()
 
 
 async def test_tasks_know_their_own_requests() -> None:
     async def one(number: str) -> str:
-        tell_of(lambda: {"request_id": number})
+        add_log_context(lambda: {"request_id": number})
         await asyncio.sleep(0)
         return json.loads(JsonFormatter().format(record("x")))["request_id"]  # type: ignore[no-any-return]
 
@@ -66,5 +66,5 @@ async def test_tasks_know_their_own_requests() -> None:
 
 
 def test_a_long_name_is_cut() -> None:
-    with asked_by(lambda: {"principal": "x" * 10_000}):
+    with log_context(lambda: {"principal": "x" * 10_000}):
         assert len(JsonFormatter().format(record("hm"))) < 600

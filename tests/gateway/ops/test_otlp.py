@@ -10,17 +10,17 @@ from collections.abc import Sequence
 import pytest
 
 from gateway.domain.trace import RobotTimes
-from gateway.ops.journey import Journey
 from gateway.ops.otlp import OtlpQueue, check_otlp, open_exporter
+from gateway.ops.sample_trace import TracedSample
 from metaros.errors import ConfigError
 from metaros.limits import Limits
-from tests.support.otlp_collector import running_collector
+from tests.support.servers.otlp_collector import running_collector
 from tests.support.waiting import wait_until_async
 
 START_NS = 1_700_000_000 * 10**9
 
 
-def journey(number: int) -> Journey:
+def traced(number: int) -> TracedSample:
     """A live sample's, with its fan-out."""
     times = RobotTimes(
         trace_id=f"{number:032x}",
@@ -32,7 +32,7 @@ def journey(number: int) -> Journey:
         sent_ns=START_NS + 3000,
         clock_offset_ns=0,
     )
-    return Journey(
+    return TracedSample(
         robot="r",
         topic="/t",
         delivery="live",
@@ -54,8 +54,8 @@ class Slow:
         self.takes = takes
         self.closed = False
 
-    def send(self, journeys: Sequence[Journey]) -> bool:
-        self.given.append(len(journeys))
+    def send(self, traced_samples: Sequence[TracedSample]) -> bool:
+        self.given.append(len(traced_samples))
         return self.takes
 
     def close(self) -> None:
@@ -66,12 +66,12 @@ async def test_a_collector_gets_every_stage_under_its_root() -> None:
     with running_collector() as collector:
         queue = OtlpQueue(open_exporter(collector.url, gateway_id="g1"))
         sending = asyncio.create_task(queue.run())
-        queue.put(journey(7))
+        queue.put(traced(7))
         await wait_until_async(lambda: queue.exported == 1)
         sending.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await sending
-        queue.put(journey(8))
+        queue.put(traced(8))
         await queue.close()
         assert (queue.exported, queue.lost) == (2, 0)
     spans = {span.name: span for span in collector.spans[f"{7:032x}"]}
@@ -89,7 +89,7 @@ async def test_a_collector_that_refuses_costs_traces_counted_and_said_once(caplo
     slow = Slow(takes=False)
     queue = OtlpQueue(slow)
     for number in range(3):
-        queue.put(journey(number))
+        queue.put(traced(number))
         await queue.close()
     assert (queue.exported, queue.lost, slow.closed) == (0, 3, True)
     assert len([item for item in caplog.records if "--otlp" in item.getMessage()]) == 1
@@ -99,7 +99,7 @@ async def test_what_waits_is_bounded_and_goes_in_portions() -> None:
     slow = Slow()
     queue = OtlpQueue(slow, limits=Limits(traces_export=600))
     for number in range(700):
-        queue.put(journey(number))
+        queue.put(traced(number))
     await queue.close()
     assert slow.given == [256, 256, 88]
     assert (queue.exported, queue.lost) == (600, 100)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.domain.trace import RobotTimes
-from gateway.ops.journey import BRANCHES, STAGES, Journey
+from gateway.ops.sample_trace import BRANCHES, STAGES, TracedSample
 
 MS = 10**6
 START_NS = 1_700_000_000 * 10**9
@@ -23,18 +23,18 @@ def times(**changed: int) -> RobotTimes:
     return RobotTimes(trace_id="ab" * 16, span_id="cd" * 8, **{**told, **changed})
 
 
-def journey(told: RobotTimes, **changed: int) -> Journey:
+def traced(told: RobotTimes, **changed: int) -> TracedSample:
     """Received 11 ms after its stamp, given on 1 ms later, written 2 ms and stored 8 ms after that."""
     at_ns = START_NS + 5 * MS
     moments = {"stamp_ns": START_NS, "received_ns": at_ns + 11 * MS, "given_ns": at_ns + 12 * MS}
     moments |= {"written_ns": at_ns + 14 * MS, "committed_ns": at_ns + 20 * MS}
-    return Journey(
+    return TracedSample(
         robot="r", topic="/t", delivery="bulk", size_bytes=5, samples=1, times=told, **{**moments, **changed}
     )
 
 
 def test_each_stage_has_its_time_on_the_gateways_clock() -> None:
-    found = journey(times())
+    found = traced(times())
     took = {span.name: span.duration_ns // MS for span in found.spans()}
     assert took == {
         "bus": 1,
@@ -53,12 +53,12 @@ def test_each_stage_has_its_time_on_the_gateways_clock() -> None:
 
 
 def test_a_live_sample_has_no_outbox_and_one_without_viewers_no_fanout() -> None:
-    names = [span.name for span in journey(times(accepted_ns=0), written_ns=0, committed_ns=0).spans()]
+    names = [span.name for span in traced(times(accepted_ns=0), written_ns=0, committed_ns=0).spans()]
     assert names == ["bus", "tap", "uplink", "link", "ingest"]
 
 
 def test_a_frame_never_arrives_before_it_is_sent() -> None:
-    document = journey(times(clock_offset_ns=500 * MS)).document()
+    document = traced(times(clock_offset_ns=500 * MS)).document()
     assert document["clock_adjusted"] is True
     spans = {span["name"]: span for span in document["spans"]}
     assert spans["link"]["start_ns"] == spans["link"]["end_ns"]
@@ -67,7 +67,7 @@ def test_a_frame_never_arrives_before_it_is_sent() -> None:
 
 def test_a_stamp_from_before_1970_counts_as_of_then() -> None:
     for stamp_ns in (-(2**63), -10 * MS):
-        found = journey(times(), stamp_ns=stamp_ns)
+        found = traced(times(), stamp_ns=stamp_ns)
         assert (found.spans()[0].name, found.spans()[0].start_ns) == ("bus", 0)
         assert found.document()["clock_adjusted"] is True
 
@@ -77,7 +77,7 @@ def test_whatever_the_clocks_say_the_stages_touch_and_add_up(moments: tuple[int,
     stamp, tapped, taken, accepted, sent, received, given_ns, written, committed = moments
     told = times(tapped_ns=tapped, taken_ns=taken, accepted_ns=accepted, sent_ns=sent, clock_offset_ns=offset_ns)
     changed = {"stamp_ns": stamp, "received_ns": received, "given_ns": given_ns}
-    found = journey(told, **changed, written_ns=written, committed_ns=committed)
+    found = traced(told, **changed, written_ns=written, committed_ns=committed)
     chain = [span for span in found.spans() if span.name in STAGES]
     assert all(0 <= span.start_ns <= span.end_ns < 2**63 for span in found.spans())  # else no exporter takes it
     assert all(one.end_ns == other.start_ns for one, other in pairwise(chain))

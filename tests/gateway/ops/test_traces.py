@@ -7,7 +7,7 @@ import numpy as np
 from gateway.domain.channel import Channel
 from gateway.domain.sample import Run
 from gateway.domain.trace import RobotTimes
-from gateway.ops.journey import Journey
+from gateway.ops.sample_trace import TracedSample
 from gateway.ops.traces import Traces
 from metaros.clock import ManualClock
 from metaros.limits import Limits
@@ -19,7 +19,7 @@ class Rig:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self.clock = ManualClock()
-        self.ended: list[Journey] = []
+        self.ended: list[TracedSample] = []
         self.traces = Traces(self.clock, on_ended=self.ended.append, limits=limits or Limits())
         self.made = 0
 
@@ -71,10 +71,10 @@ def test_a_journey_ends_with_its_row_and_its_viewers() -> None:
     assert rig.ended == [], "its row is not stored yet"
     rig.traces.committed([run])
     rig.later(0.1)
-    (journey,) = rig.ended
-    assert (journey.robot, journey.topic, journey.samples) == ("r1", "/odom", 3)
-    assert journey.stamp_ns == int(run.columns.stamps_ns[1])
-    took = {span.name: span.duration_ns for span in journey.spans()}
+    (traced,) = rig.ended
+    assert (traced.robot, traced.topic, traced.samples) == ("r1", "/odom", 3)
+    assert traced.stamp_ns == int(run.columns.stamps_ns[1])
+    took = {span.name: span.duration_ns for span in traced.spans()}
     assert took == {
         "bus": 100,
         "tap": 100,
@@ -100,14 +100,14 @@ def test_without_viewers_or_a_row_it_ends_by_itself() -> None:
     assert len(rig.ended) == 2
 
 
-def test_a_copy_for_the_history_alone_is_first_heard_of_when_it_is_stored() -> None:
+def test_a_copy_for_the_history_alone_is_first_received_of_when_it_is_stored() -> None:
     rig = Rig()
     run = rig.run()
     rig.clock.advance(0.05)
     rig.traces.committed([run])
     rig.later(1.1)
-    (journey,) = rig.ended
-    assert {span.name: span.duration_ns for span in journey.spans()}["store"] == 50_000_000
+    (traced,) = rig.ended
+    assert {span.name: span.duration_ns for span in traced.spans()}["store"] == 50_000_000
 
 
 def test_what_is_not_marked_or_not_there_is_not_followed() -> None:
@@ -146,7 +146,7 @@ def test_the_newest_first_of_what_is_asked_for_and_may_be_seen() -> None:
 
     def names(**asked: str) -> list[str]:
         found = rig.traces.newest(sees=lambda robot: robot != "r2", limit=2, **asked)
-        return [f"{journey.robot} {journey.topic} {int(journey.times.trace_id, 16)}" for journey in found]
+        return [f"{traced.robot} {traced.topic} {int(traced.times.trace_id, 16)}" for traced in found]
 
     assert names() == ["r1 /a 4", "r1 /b 3"]
     assert names(topic="/a") == ["r1 /a 4", "r1 /a 1"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gateway.binding import can_sign_in
 from gateway.domain.account import ApiKey, User
 from gateway.domain.principal import Role
-from gateway.store.accounts import add_user
-from gateway.store.api_keys import add_key
+from gateway.server.bind_address import can_sign_in
+from gateway.store.accounts.api_keys import add_key
+from gateway.store.accounts.users import add_user
 from gateway.store.engines import open_engine
-from tests.support.sqlite_store import place_store
+from tests.support.servers.sqlite_store import place_store
 
 END_NS = 1_700_000_000 * 10**9
 KEY = ApiKey(id="k", name="ci", user_id=None, role=Role.ADMIN, secret_hash="h")

@@ -11,9 +11,9 @@ from pathlib import Path
 import grpc
 import pytest
 
-from gateway.grpc_server import ANY_PORT_TRIES, ServerTls, make_server
+from gateway.server.grpc import ANY_PORT_TRIES, ServerTls, make_server
 from metaros.errors import ConfigError
-from tests.support.certificates import make_certificate
+from tests.support.servers.certificates import make_certificate
 
 Tls = Callable[[], ServerTls] | None
 REAL_SERVER = grpc.aio.server

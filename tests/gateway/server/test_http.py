@@ -17,14 +17,14 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin
 
-from gateway.api.guard import PROTOCOL_KEY
-from gateway.api.ws.pipe import BINARY, Pipe, frame
-from gateway.crowd import Crowd
+from gateway.api.middleware.guard import PROTOCOL_KEY
+from gateway.api.ws.send_queue import BINARY, SendQueue, frame
 from gateway.domain.principal import Principal, Role
-from gateway.http_server import protocols
+from gateway.server.connections import ConnectionLimits
+from gateway.server.http import protocols
 from metaros.clock import SystemClock
 from tests.gateway.harness import client, running_gateway
-from tests.support.key_ring import KeyRing, bearer
+from tests.support.gateways.memory_authenticator import KeyRing, bearer
 from tests.support.waiting import wait_until_async
 
 STREAM = "/api/v1/stream"
@@ -92,7 +92,7 @@ async def test_who_leaves_in_the_middle_of_a_handshake_says_nothing_either(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     ring = SlowRing()
-    async with running_gateway(tmp_path, door=ring) as ready, client(ready, key="") as http:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, client(ready, key="") as http:
         for number, key in enumerate((ring.add(role=Role.VIEWER), "mrk_1_2"), 1):
             ring.go.clear()
             _, writer = await asyncio.open_connection("127.0.0.1", ready.http_port)
@@ -109,10 +109,10 @@ async def test_who_leaves_in_the_middle_of_a_handshake_says_nothing_either(
 class Flood:
     """An application that sends for as long as its one client takes something."""
 
-    def __init__(self, *, piped: bool) -> None:
+    def __init__(self, *, queued: bool) -> None:
         self.protocol: Any = None
         self.over = asyncio.Event()
-        self._piped = piped
+        self._queued = queued
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """ASGI."""
@@ -121,7 +121,7 @@ class Flood:
         self.protocol = scope[PROTOCOL_KEY]
         socket = WebSocket(scope, receive, send)
         await socket.accept()
-        await (self._through_pipe(socket) if self._piped else self._through_asgi(socket))
+        await (self._through_queue(socket) if self._queued else self._through_asgi(socket))
         self.over.set()
 
     async def _through_asgi(self, socket: WebSocket) -> None:
@@ -129,12 +129,12 @@ class Flood:
             while True:
                 await socket.send_bytes(bytes(1 << 16))
 
-    async def _through_pipe(self, socket: WebSocket) -> None:
-        pipe = Pipe(socket, clock=SystemClock(), stall_s=600)
-        while pipe.ready():
-            pipe.write(frame(BINARY, bytes(1 << 16)))
-            await pipe.room()
-        pipe.close()
+    async def _through_queue(self, socket: WebSocket) -> None:
+        queue = SendQueue(socket, clock=SystemClock(), stall_s=600)
+        while queue.ready():
+            queue.write(frame(BINARY, bytes(1 << 16)))
+            await queue.drain()
+        queue.close()
 
     @property
     def waits(self) -> bool:
@@ -145,7 +145,7 @@ class Flood:
 @asynccontextmanager
 async def served(app: Flood) -> AsyncIterator[int]:
     """The port of an application behind the gateway's protocols, without anybody who cuts the late."""
-    http, ws = protocols(Crowd(clock=SystemClock()), clock=SystemClock())
+    http, ws = protocols(ConnectionLimits(clock=SystemClock()), clock=SystemClock())
     config = uvicorn.Config(app, http=http, ws=ws, lifespan="off", log_config=None)
     config.load()
     state = ServerState()
@@ -161,9 +161,9 @@ async def served(app: Flood) -> AsyncIterator[int]:
         await wait_until_async(lambda: not state.connections and not state.tasks)
 
 
-@pytest.mark.parametrize("piped", [False, True], ids=["asgi", "pipe"])
-async def test_who_sends_to_a_client_that_takes_nothing_is_told_when_it_closes(piped: bool) -> None:
-    app = Flood(piped=piped)
+@pytest.mark.parametrize("queued", [False, True], ids=["asgi", "queue"])
+async def test_who_sends_to_a_client_that_takes_nothing_is_reported_when_it_closes(queued: bool) -> None:
+    app = Flood(queued=queued)
     async with served(app) as port, asyncio.timeout(60):
         _, writer = await asyncio.open_connection("127.0.0.1", port, limit=1024)
         try:

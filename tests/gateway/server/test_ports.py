@@ -13,8 +13,8 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from gateway.announce import ready_line, write_status
-from gateway.ports import NO_PORT, PortChoice, listen_all, port_of
+from gateway.server.announce import ready_line, write_status
+from gateway.server.ports import NO_PORT, PortChoice, listen_all, port_of
 from gateway.settings import Settings
 from metaros.errors import ConfigError
 from tests.gateway.harness import OPERATOR_KEY, running_gateway
@@ -33,7 +33,7 @@ def test_all_ports_are_had_or_none(free_port: int) -> None:
             assert port_of(moved) not in (0, free_port)
 
 
-async def test_viewers_ports_are_told(tmp_path: Path) -> None:
+async def test_viewers_ports_are_reported(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
         assert len({ready.http_port, ready.foxglove_port, ready.rosbridge_port}) == 3
         assert ready.foxglove_url == f"ws://127.0.0.1:{ready.foxglove_port}"
@@ -44,7 +44,7 @@ async def test_viewers_ports_are_told(tmp_path: Path) -> None:
         assert (status["foxglove_port"], status["rosbridge_port"]) == (ready.foxglove_port, ready.rosbridge_port)
 
 
-async def test_a_browser_that_looks_there_is_told_what_it_is(tmp_path: Path) -> None:
+async def test_a_browser_that_looks_there_is_reported_what_it_is(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, httpx.AsyncClient(trust_env=False) as http:
         for port, name in ((ready.foxglove_port, "Foxglove"), (ready.rosbridge_port, "rosbridge")):
             answer = await http.get(f"http://127.0.0.1:{port}/")

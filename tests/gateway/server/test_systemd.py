@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.systemd import BEAT, ENDING, READY, beat, tell_systemd
-from tests.support.command_line import program
-from tests.support.processes import END_S, started
+from gateway.server.systemd import BEAT, ENDING, READY, notify_systemd, watchdog_loop
+from tests.support.processes.command_line import program
+from tests.support.processes.processes import END_S, started
 
 PORTS = [f"--{name}-port=0" for name in ("grpc", "api-grpc")] + [
     "--port=0",
@@ -36,9 +36,9 @@ def hearing(tmp_path: Path) -> Iterator[tuple[socket.socket, str]]:
         yield ear, str(tmp_path / "notify")
 
 
-def test_a_word_is_heard(hearing: tuple[socket.socket, str]) -> None:
+def test_a_word_is_received(hearing: tuple[socket.socket, str]) -> None:
     ear, address = hearing
-    assert tell_systemd(READY, {"NOTIFY_SOCKET": address})
+    assert notify_systemd(READY, {"NOTIFY_SOCKET": address})
     assert ear.recv(100) == b"READY=1"
 
 
@@ -47,28 +47,28 @@ def test_a_name_without_a_file_is_called_too() -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
         ear.bind("")  # the kernel gives it such a name
         address = ear.getsockname().decode().replace("\0", "@")
-        assert tell_systemd(READY, {"NOTIFY_SOCKET": address})
+        assert notify_systemd(READY, {"NOTIFY_SOCKET": address})
         assert ear.recv(100) == b"READY=1"
 
 
 @pytest.mark.parametrize("address", ["", "notify", "vsock:2:1", "/nowhere/notify"])
-def test_who_does_not_ask_or_is_gone_is_told_nothing(address: str) -> None:
-    assert not tell_systemd(READY, {"NOTIFY_SOCKET": address})
+def test_who_does_not_ask_or_is_gone_is_reported_nothing(address: str) -> None:
+    assert not notify_systemd(READY, {"NOTIFY_SOCKET": address})
 
 
 @pytest.mark.parametrize("asked", [{}, {"WATCHDOG_USEC": "soon"}, {"WATCHDOG_USEC": "0"}])
 async def test_without_a_watchdog_there_are_no_beats(asked: dict[str, str]) -> None:
-    await asyncio.wait_for(beat(asked), 60)
+    await asyncio.wait_for(watchdog_loop(asked), 60)
 
 
 async def test_a_watchdog_of_another_process_is_not_fed(hearing: tuple[socket.socket, str]) -> None:
     asked = {"NOTIFY_SOCKET": hearing[1], "WATCHDOG_USEC": "3000", "WATCHDOG_PID": str(os.getpid() + 1)}
-    await asyncio.wait_for(beat(asked), 60)
+    await asyncio.wait_for(watchdog_loop(asked), 60)
 
 
 async def test_a_gone_listener_does_not_end_the_beats(tmp_path: Path) -> None:
     address = str(tmp_path / "notify")
-    task = asyncio.create_task(beat({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "3000"}))
+    task = asyncio.create_task(watchdog_loop({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "3000"}))
     await asyncio.sleep(0)  # the first one, which nobody hears
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
         ear.bind(address)
@@ -78,12 +78,12 @@ async def test_a_gone_listener_does_not_end_the_beats(tmp_path: Path) -> None:
     task.cancel()
 
 
-def heard_until(ear: socket.socket, word: str) -> list[str]:
+def received_until(ear: socket.socket, word: str) -> list[str]:
     """What is said up to that word."""
-    heard = [ear.recv(100).decode()]
-    while heard[-1] != word:
-        heard.append(ear.recv(100).decode())
-    return heard
+    received = [ear.recv(100).decode()]
+    while received[-1] != word:
+        received.append(ear.recv(100).decode())
+    return received
 
 
 @pytest.mark.integration
@@ -95,7 +95,7 @@ def test_a_gateway_that_was_killed_is_started_again_is_ready_beats_and_ends(
     command = program("gateway", "--data-dir", str(data), "--status-file", str(status), *PORTS)
     environment = {**os.environ, "NOTIFY_SOCKET": address, "WATCHDOG_USEC": "300000", "HOME": str(tmp_path)}
     with started(command, env=environment, stderr=subprocess.STDOUT) as killed:
-        heard_until(ear, READY)
+        received_until(ear, READY)
         killed.kill()
         killed.communicate()
     status.unlink()
@@ -105,14 +105,14 @@ def test_a_gateway_that_was_killed_is_started_again_is_ready_beats_and_ends(
             pass
     ear.settimeout(60)
     with started(command, env=environment, stderr=subprocess.STDOUT) as process:
-        heard = heard_until(ear, READY) + heard_until(ear, BEAT)
+        received = received_until(ear, READY) + received_until(ear, BEAT)
         said = json.loads(status.read_text())
         assert (said["ready"], said["pid"]) == (True, process.pid)
         process.send_signal(signal.SIGTERM)
-        heard += heard_until(ear, ENDING)
+        received += received_until(ear, ENDING)
         output, _ = process.communicate(timeout=END_S)
     assert process.returncode == 0
-    assert heard.count(READY) == heard.count(ENDING) == 1
-    assert set(heard) == {READY, BEAT, ENDING}
+    assert received.count(READY) == received.count(ENDING) == 1
+    assert set(received) == {READY, BEAT, ENDING}
     assert output.startswith(f"gateway ready: {said['url']}\n  robots 127.0.0.1:{said['grpc_port']}")
     assert len(output.splitlines()) == 3

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from gateway.crowd import Crowd, Guest
-from gateway.identity.ca import issue_server, make_intermediate, make_root
+from gateway.identity.certificates.ca import issue_server, make_intermediate, make_root
 from gateway.main import new_event_loop
-from gateway.ports import listen
-from gateway.tls import HttpTls
-from gateway.tls_accept import TlsAcceptor
+from gateway.server.connections import Connection, ConnectionLimits
+from gateway.server.ports import listen
+from gateway.server.tls import HttpTls
+from gateway.server.tls_accept import TlsAcceptor
 from metaros.clock import SystemClock
 from metaros.limits import LIMITS
 
@@ -29,47 +29,52 @@ LOOPS = pytest.mark.parametrize("loop", [asyncio.new_event_loop, new_event_loop]
 class Echo(asyncio.Protocol):
     """Sends back what comes, once; counted as HTTP is."""
 
-    def __init__(self, crowd: Crowd, guest: Guest) -> None:
-        self._crowd = crowd
-        self._guest = guest
+    def __init__(self, connection_limits: ConnectionLimits, connection: Connection) -> None:
+        self._connection_limits = connection_limits
+        self._connection = connection
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport: asyncio.Transport = transport  # type: ignore[assignment]
-        self._crowd.secured(self._guest, self._transport)
+        self._connection_limits.secured(self._connection, self._transport)
 
     def data_received(self, data: bytes) -> None:
         self._transport.write(data)
         self._transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._crowd.leave(self._guest)
+        self._connection_limits.remove(self._connection)
 
 
 @asynccontextmanager
-async def port(folder: Path, *, head_s: float = 60.0) -> AsyncIterator[tuple[int, Crowd, ssl.SSLContext]]:
-    """A TLS port that echoes; its number, its crowd and whom to trust."""
+async def port(folder: Path, *, head_s: float = 60.0) -> AsyncIterator[tuple[int, ConnectionLimits, ssl.SSLContext]]:
+    """A TLS port that echoes; its number, its connection limits and whom to trust."""
     now_ns = CLOCK.wall_ns()
     root, key = make_root("test", now_ns=now_ns)
     pair = issue_server(make_intermediate("test", root, key, now_ns=now_ns), ["localhost"], now_ns=now_ns)
-    crowd = Crowd(clock=CLOCK, limits=replace(LIMITS, head_s=head_s), roomy=lambda _: True)
+    connection_limits = ConnectionLimits(clock=CLOCK, limits=replace(LIMITS, head_s=head_s), is_shared=lambda _: True)
     listener = listen("127.0.0.1", 0, default=0, flag="--port")
     tls = HttpTls(lambda: pair, folder=folder)
-    acceptor = TlsAcceptor(listener, crowd=crowd, context=tls.context, protocol=lambda guest: Echo(crowd, guest))
+    acceptor = TlsAcceptor(
+        listener,
+        connection_limits=connection_limits,
+        context=tls.context,
+        protocol=lambda connection: Echo(connection_limits, connection),
+    )
     task = asyncio.get_running_loop().create_task(acceptor.run())
     trust = ssl.create_default_context(cadata=root.public_bytes(Encoding.PEM).decode())
     try:
-        yield listener.getsockname()[1], crowd, trust
+        yield listener.getsockname()[1], connection_limits, trust
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-        crowd.close()
+        connection_limits.close()
         listener.close()
 
 
-async def empty(crowd: Crowd) -> None:
+async def empty(connection_limits: ConnectionLimits) -> None:
     """Everybody is gone."""
     async with asyncio.timeout(60):
-        while len(crowd):  # noqa: ASYNC110  (nothing tells)
+        while len(connection_limits):  # noqa: ASYNC110  (nothing tells)
             await asyncio.sleep(0.01)
 
 
@@ -94,10 +99,10 @@ def run(loop: Callable[[], asyncio.AbstractEventLoop], test: object) -> None:
 @LOOPS
 def test_many_at_once_all_get_their_answer(tmp_path: Path, loop: Callable[[], asyncio.AbstractEventLoop]) -> None:
     async def test() -> None:
-        async with port(tmp_path) as (number, crowd, trust):
+        async with port(tmp_path) as (number, connection_limits, trust):
             answers = await asyncio.gather(*(asyncio.to_thread(echoed, number, trust) for _ in range(40)))
             assert answers == [b"hello"] * 40
-            await empty(crowd)
+            await empty(connection_limits)
 
     run(loop, test())
 
@@ -105,7 +110,7 @@ def test_many_at_once_all_get_their_answer(tmp_path: Path, loop: Callable[[], as
 @LOOPS
 def test_who_says_nothing_or_no_tls_is_gone(tmp_path: Path, loop: Callable[[], asyncio.AbstractEventLoop]) -> None:
     async def test() -> None:
-        async with port(tmp_path, head_s=0.3) as (number, crowd, _):
+        async with port(tmp_path, head_s=0.3) as (number, connection_limits, _):
             with ExitStack() as dialled:
                 silent, half, plain = (dialled.enter_context(dial(number)) for _ in range(3))
                 half.sendall(b"\x16\x03\x01")
@@ -113,7 +118,7 @@ def test_who_says_nothing_or_no_tls_is_gone(tmp_path: Path, loop: Callable[[], a
                 assert (await asyncio.to_thread(plain.recv, 64)).startswith(b"HTTP/1.1 400 ")
                 assert await asyncio.to_thread(silent.recv, 64) == b""
                 assert await asyncio.to_thread(half.recv, 64) == b""
-                await empty(crowd)
+                await empty(connection_limits)
 
     run(loop, test())
 
@@ -121,11 +126,11 @@ def test_who_says_nothing_or_no_tls_is_gone(tmp_path: Path, loop: Callable[[], a
 @LOOPS
 def test_an_end_in_the_middle_of_a_handshake(tmp_path: Path, loop: Callable[[], asyncio.AbstractEventLoop]) -> None:
     async def test() -> None:
-        async with port(tmp_path) as (number, crowd, trust):
+        async with port(tmp_path) as (number, connection_limits, trust):
             for said in (b"", b"\x16", b"\x16\x03\x01\x02"):
                 with dial(number) as gone:
                     gone.sendall(said)
             assert await asyncio.to_thread(echoed, number, trust) == b"hello"
-            await empty(crowd)
+            await empty(connection_limits)
 
     run(loop, test())

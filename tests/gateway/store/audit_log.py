@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from gateway.store.audit import AuditEvent, AuditFault, AuditHead, walk
+from gateway.store.accounts.audit import AuditEvent, AuditFault, AuditHead, verify_rows
 from gateway.store.engine import StoreEngine
 from gateway.store.sqlite import SqliteEngine
 
@@ -27,7 +27,7 @@ def prove(engine: StoreEngine, *, step: int = 3) -> list[AuditFault]:
     at, more = AuditHead(0, ""), True
     faults: list[AuditFault] = []
     while more:
-        at, found, more = walk(engine, at, limit=step)
+        at, found, more = verify_rows(engine, at, limit=step)
         faults += found
     return faults
 

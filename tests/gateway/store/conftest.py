@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import ObjectStore, open_objects
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
-from tests.support.postgres import PostgresServer
-from tests.support.sqlite_store import place_store
+from gateway.store.objects import ObjectStore, open_objects
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.sqlite_store import place_store
 
 ENGINES = ("sqlite", pytest.param("postgres", marks=pytest.mark.integration))
 

@@ -11,11 +11,11 @@ from gateway.domain.channel import Channel, Series
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.store import StreamWrite
 from gateway.store.engine import StoreEngine
-from gateway.store.history import find_runs
-from gateway.store.load import RunLoader
-from gateway.store.query import read_gaps
-from gateway.store.samples import SampleFilter, StoredBatch
-from gateway.store.series import read_range
+from gateway.store.telemetry.history import find_runs
+from gateway.store.telemetry.load import RunLoader
+from gateway.store.telemetry.query import read_gaps
+from gateway.store.telemetry.samples import SampleFilter, StoredBatch
+from gateway.store.telemetry.series import read_range
 from metaros.link import SampleColumns
 
 __all__ = [

@@ -19,12 +19,12 @@ from gateway.store import Mark, StreamWrite, WriterWrite
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.postgres import PostgresEngine
-from gateway.store.query import read_gaps, read_series, read_streams, read_writers
 from gateway.store.sqlite import SqliteEngine
+from gateway.store.telemetry.query import read_gaps, read_series, read_streams, read_writers
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, content, everything, gap_write, run_write, write
-from tests.support.postgres import PostgresServer
-from tests.support.sim_gateway import SimStore
-from tests.support.sqlite_store import place_store
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.sqlite_store import place_store
+from tests.support.simulation.sim_gateway import SimStore
 
 
 def test_rows_watermark_and_gap_move_together(engine: StoreEngine) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import give_duties, take_duty
+from gateway.store.fleet.updates import give_duties, take_duty
 
 S = 10**9
 

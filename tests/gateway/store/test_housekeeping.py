@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from gateway.errors import StoreError
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.purge import Purge
-from gateway.store.query import read_gaps, read_series, read_streams
 from gateway.store.retention import Retention
-from gateway.store.samples import SampleFilter
 from gateway.store.schema import CHUNK_SAMPLES
-from gateway.store.series import read_range
 from gateway.store.sqlite import SqliteEngine
+from gateway.store.telemetry.merge import merge_step, waiting_batches
+from gateway.store.telemetry.query import read_gaps, read_series, read_streams
+from gateway.store.telemetry.samples import SampleFilter
+from gateway.store.telemetry.series import read_range
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, everything, gap_write, read_samples, run_write, write
-from tests.support.sqlite_store import place_store
+from tests.support.servers.sqlite_store import place_store
 
 Batches = list[list[tuple[bool, int]]]
 DAY_NS = 86400 * 10**9

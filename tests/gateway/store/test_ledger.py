@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import ObjectStoreError, StoreError, UnstorableError
-from gateway.objects import DirectoryStore, ObjectStore
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import announce, doom, in_transaction, refresh, stored, sweep_objects
+from gateway.store.objects import DirectoryStore, ObjectStore
 
 S = 10**9
 START_NS = 1_700_000_000 * S

@@ -17,7 +17,7 @@ from gateway.store.retention import Retention
 from gateway.store.writer import Pace
 from metaros.clock import SystemClock
 from tests.gateway.store.samples import content, run_write
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 
@@ -126,7 +126,7 @@ async def ordeal(server: PostgresServer, folder: Path, *, cycles: int, seed: int
 
 
 async def test_killed_at_random_moments(tmp_path: Path, victim: PostgresServer) -> None:
-    """Five crashes and two shutdowns; load_tests/campaign_postgres.py has them by the hundred."""
+    """Five crashes and two shutdowns; load_tests/campaigns/postgres.py has them by the hundred."""
     robot = await ordeal(victim, tmp_path, cycles=7, seed=2)
     assert robot.refusals > 0
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from gateway.private_dir import others_can_read
+from gateway.store.private_dir import others_can_read
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no modes")
 
 NOBODY = 65534
 ASK = (
-    "import os, sys; from pathlib import Path; from gateway.private_dir import others_can_read;"
+    "import os, sys; from pathlib import Path; from gateway.store.private_dir import others_can_read;"
     f" os.setgroups([]); os.setgid({NOBODY}); os.setuid({NOBODY}); print(others_can_read(Path(sys.argv[1])))"
 )
 

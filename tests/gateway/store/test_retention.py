@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.store.retention import CLASSES, ClassLimit, Going, Holding, Retention, Usage, class_limits, plan
+from gateway.store.retention import CLASSES, ClassLimit, Holding, PlannedDeletion, Retention, Usage, class_limits, plan
 from metaros.errors import ConfigError
 
 S = 10**9
@@ -21,7 +21,7 @@ def holding(name: str, age_s: float, size_bytes: int = 10) -> Holding:
     return Holding(name, "segments", 1, round(NOW_NS - age_s * S), size_bytes)
 
 
-def going(retention: Retention, holdings: list[Holding], *, total_bytes: int | None = None) -> list[Going]:
+def going(retention: Retention, holdings: list[Holding], *, total_bytes: int | None = None) -> list[PlannedDeletion]:
     """The whole plan."""
     by_class = {name: [item for item in holdings if item.kind == name] for name in CLASSES}
     sums = {name: sum(item.size_bytes for item in items) for name, items in by_class.items()}
@@ -33,7 +33,7 @@ def going(retention: Retention, holdings: list[Holding], *, total_bytes: int | N
     return list(plan(retention, Usage(total, sums), oldest, now_ns=NOW_NS))
 
 
-def shown(items: list[Going]) -> list[tuple[str, float, str]]:
+def shown(items: list[PlannedDeletion]) -> list[tuple[str, float, str]]:
     """Class, age and reason of each."""
     return [(item.holding.kind, (NOW_NS - item.holding.stored_ns) / S, item.why) for item in items]
 

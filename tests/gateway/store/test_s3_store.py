@@ -12,18 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.objects import ObjectStore, open_objects
 from gateway.store import SampleFilter, Store
-from gateway.store.check import Report, check
-from gateway.store.compact import CompactPace
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
+from gateway.store.integrity.check import Report, check
 from gateway.store.ledger import LEASE_S, in_transaction, sweep_objects
+from gateway.store.objects import ObjectStore, open_objects
 from gateway.store.retention import Retention
+from gateway.store.telemetry.compact import CompactPace
 from metaros.clock import SystemClock
 from tests.gateway.store.samples import run_write
-from tests.support.cutting_proxy import CuttingProxy
-from tests.support.seaweed import SeaweedServer
+from tests.support.servers.cutting_proxy import CuttingProxy
+from tests.support.servers.seaweed import SeaweedServer
 from tests.support.waiting import wait_until_async
 
 pytestmark = pytest.mark.integration

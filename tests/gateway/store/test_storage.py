@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import DirectoryStore
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import in_transaction, sweep_objects
-from gateway.store.merge import merge_step
+from gateway.store.objects import DirectoryStore
 from gateway.store.purge import Purge, oldest_holdings
 from gateway.store.retention import CLASSES, ClassLimit, Retention
 from gateway.store.storage import Storage
+from gateway.store.telemetry.compact import Compaction
+from gateway.store.telemetry.merge import merge_step
 from metaros.clock import ManualClock
 from tests.gateway.store.samples import CPU, gap_write, run_write, write
 

@@ -17,7 +17,7 @@ from gateway.store.writer import Pace
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ConfigError
 from tests.gateway.store.samples import CPU, EPOCH, gap_write, run_write, write
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 RETENTION = Retention(age_s=100.0, size_bytes=1 << 30)
@@ -30,16 +30,16 @@ def open_store(folder: Path, url: str = "", **options: Any) -> Store:
 
 async def test_store_commits_and_remembers(tmp_path: Path, store_url: str) -> None:
     store = open_store(tmp_path, store_url)
-    heard: list[Committed] = []
-    store.start(heard.append)
+    received: list[Committed] = []
+    store.start(received.append)
     robot = Robot("r1", "/r1", "host", "1", {"site": "a\0b"})
     store.submit(RobotWrite(robot, 7))
     store.submit(WriterWrite(robot="r1", epoch=EPOCH, writer="w"))
     store.submit(write(1, (CPU, 1, 1.0)))
     await store.flush()
-    await wait_until_async(lambda: heard)
-    assert [type(item) for done in heard for item in done.writes] == [RobotWrite, WriterWrite, StreamWrite]
-    assert [mark for done in heard for mark in done.marks] == [Mark("r1", 0, EPOCH, 1)]
+    await wait_until_async(lambda: received)
+    assert [type(item) for done in received for item in done.writes] == [RobotWrite, WriterWrite, StreamWrite]
+    assert [mark for done in received for mark in done.marks] == [Mark("r1", 0, EPOCH, 1)]
     ids = (store.store_id, store.gateway_id)
     await store.close()
     again = open_store(tmp_path, store_url)
@@ -95,9 +95,9 @@ async def test_a_full_disk_refuses_and_then_all_is_stored(tmp_path: Path) -> Non
     store = open_store(tmp_path, queue_bytes=4000, pace=Pace(retry_every_s=0.01))
     blocker = SqliteEngine(tmp_path)
     refused: list[set[str]] = []
-    heard: list[Committed] = []
+    received: list[Committed] = []
     with blocker.transaction(write=True):  # nobody else can commit: the writer's own timeout makes it fail
-        store.start(heard.append, lambda robots: refused.append(set(robots)))
+        store.start(received.append, lambda robots: refused.append(set(robots)))
         assert isinstance(store._engine, SqliteEngine)
         store._engine.connection.execute("PRAGMA busy_timeout = 1")
         store.submit(WriterWrite(robot="r1", epoch=EPOCH, writer="w"))
@@ -111,7 +111,7 @@ async def test_a_full_disk_refuses_and_then_all_is_stored(tmp_path: Path) -> Non
     assert await store.room(timeout_s=60)
     for seq in range(1, 30):  # the robot sends it again
         store.submit(write(seq, (CPU, seq, 1.0)))
-    await wait_until_async(lambda: heard and heard[-1].marks[-1:] == [Mark("r1", 0, EPOCH, 29)])
+    await wait_until_async(lambda: received and received[-1].marks[-1:] == [Mark("r1", 0, EPOCH, 29)])
     assert store.error is None
     assert (await store.series("r1"))[0].samples == 29
     assert await store.writers("r1") == {EPOCH: "w"}  # what only the gateway knows is kept

@@ -13,9 +13,9 @@ import pytest
 from gateway.errors import StoreError
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.query import read_streams
 from gateway.store.retention import Retention
 from gateway.store.sqlite import SqliteEngine
+from gateway.store.telemetry.query import read_streams
 from gateway.store.writer import Pace, Writer
 from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import SystemClock

@@ -12,20 +12,20 @@ from typing import Any
 
 import httpx
 
-from gateway.app import Gateway
-from gateway.domain.invocation import InvocationFilter, Recorded
+from gateway.domain.automation.invocation import InvocationFilter, Recorded
 from gateway.domain.robot import Robot
 from gateway.ingest.registry import RobotRecord
 from gateway.settings import Settings
+from gateway.wiring.gateway import Gateway
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
+from metaros.fleet.twin import digest
 from metaros.interfaces.std_msgs.msg import String
-from metaros.twin import digest
-from tests.gateway.api.test_functions import ADMIN, until
+from tests.gateway.api.rest.automation.test_functions import ADMIN, until
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, running_gateway
 from tests.gateway.store.samples import run_write
-from tests.support.lambda_gateway import ROLE, zipped
+from tests.support.gateways.lambda_gateway import ROLE, zipped
 
 
 @asynccontextmanager
@@ -37,7 +37,7 @@ async def gateway(folder: Path) -> AsyncIterator[Gateway]:
     try:
         code = {"ZipFile": zipped()}
         options = {"Runtime": "python3.11", "Handler": "app.handler", "Role": ROLE}
-        await made.reacting.functions.catalogue.do("CreateFunction", {"FunctionName": "f", "Code": code, **options})
+        await made.automation.functions.catalogue.do("CreateFunction", {"FunctionName": "f", "Code": code, **options})
         yield made
     finally:
         running.cancel()
@@ -50,7 +50,7 @@ async def calls(made: Gateway, count: int, kind: str) -> list[Recorded]:
     found: list[Recorded] = []
 
     async def there() -> bool:
-        found[:] = await made.reacting.functions.ledger.page(InvocationFilter(function="f", kind=kind), limit=99)
+        found[:] = await made.automation.functions.ledger.page(InvocationFilter(function="f", kind=kind), limit=99)
         return len(found) >= count
 
     await until(there)
@@ -59,7 +59,7 @@ async def calls(made: Gateway, count: int, kind: str) -> list[Recorded]:
 
 async def test_messages_of_robots_call_a_function_by_a_mapping(tmp_path: Path) -> None:
     async with gateway(tmp_path) as made:
-        functions = made.reacting.functions
+        functions = made.automation.functions
         asked = {"EventSourceArn": "arn:aws:metaros:::topic/r*/events", "FunctionName": "f", "BatchSize": 10}
         mapping = await functions.catalogue.do("CreateEventSourceMapping", asked)
         await until(lambda: asyncio.sleep(0, bool(functions.mappings._sources)))

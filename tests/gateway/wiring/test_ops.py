@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app import Gateway
 from gateway.domain.robot import Robot
 from gateway.ingest.registry import RobotRecord
 from gateway.settings import Settings
+from gateway.wiring.gateway import Gateway
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError

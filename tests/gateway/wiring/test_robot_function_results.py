@@ -10,14 +10,14 @@ from typing import Any
 
 import httpx
 
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.main import run_agent
 from gateway.domain.principal import Role
 from metaros.interfaces.std_msgs.msg import String
 from tests.edge_agent.conftest import Robot, robot
 from tests.gateway.harness import RING, client, running_gateway
+from tests.support.functions.robot_function import running_function, write_function
 from tests.support.ports import free_port
-from tests.support.robot_function import running_function, write_function
 from tests.support.waiting import wait_until_async
 
 __all__ = ["robot"]

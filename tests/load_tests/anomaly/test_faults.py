@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from gateway.anomaly.judgement import Judge, JudgeConfig
-from gateway.anomaly.lasting import LastingConfig
+from gateway.alerting.anomaly.detectors.lasting import LastingConfig
+from gateway.alerting.anomaly.evaluator import Evaluator, EvaluatorConfig
 from load_tests.anomaly import faults
 from load_tests.anomaly.injected import KINDS, Fault, inject, plan
 from load_tests.anomaly.robots import FAST_TOPICS, PLACE, SERIES, Robots
@@ -97,8 +97,8 @@ def test_a_stuck_wheel_stands_still_and_draws_its_stall_current() -> None:
 
 @pytest.mark.integration
 def test_silence_and_slow_topics_are_all_found_within_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    short = JudgeConfig(lasting=LastingConfig(learn_s=600))
-    monkeypatch.setattr(faults, "Judge", lambda: Judge(short))
+    short = EvaluatorConfig(lasting=LastingConfig(learn_s=600))
+    monkeypatch.setattr(faults, "Evaluator", lambda: Evaluator(short))
     # All are driving early, none has its fault before 600 s; only the slow drift could still be found at the end.
     found = faults.run(each=1, robots=9, seed=8, learn_s=300.0, until_s=1200.0, verbose=False)
     assert all(item.begin_s >= 600.0 for item in found)

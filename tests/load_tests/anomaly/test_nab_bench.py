@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.anomaly.parameters import FIXED, THRESHOLD
+from gateway.alerting.anomaly.parameters import FIXED, THRESHOLD
 from load_tests.anomaly import nab_bench
 from load_tests.anomaly.__main__ import main
 from load_tests.anomaly.nab_files import FilesError, Series, read_folder
@@ -62,10 +62,10 @@ def test_a_folder_without_labels_says_how_often_it_would_alert(
 ) -> None:
     written(tmp_path, 600, odd=500)
     assert main([str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "1 series, 600 rows" in told
-    assert "wave.csv" in told
-    assert "Profile" not in told
+    reported = capsys.readouterr().out
+    assert "1 series, 600 rows" in reported
+    assert "wave.csv" in reported
+    assert "Profile" not in reported
     series, _ = read_folder(tmp_path)
     (scores,) = score_all(series, FIXED)
     assert np.flatnonzero(scores >= THRESHOLD).tolist() == [500]
@@ -77,10 +77,10 @@ def test_a_labelled_folder_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "labels").mkdir()
     (tmp_path / "labels" / "combined_windows.json").write_text(windows)
     assert main(["nab", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "1 of 1" in told
-    assert "mine" in told
-    assert "ARTime" not in told  # those figures are of other files
+    reported = capsys.readouterr().out
+    assert "1 of 1" in reported
+    assert "mine" in reported
+    assert "ARTime" not in reported  # those figures are of other files
 
 
 def test_a_folder_that_has_nothing_or_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -102,6 +102,6 @@ def test_the_table_of_folds(development: tuple[Series, ...], capsys: pytest.Capt
     few = [one for one in development if one.category == "realAdExchange"]
     results, folds = cross_validate(few, list(candidates(2)), progress=lambda done, total: None)
     nab_bench._show_folds(results, folds)
-    told = capsys.readouterr().out
-    assert "cross-validation" in told
-    assert "value_limit" in told
+    reported = capsys.readouterr().out
+    assert "cross-validation" in reported
+    assert "value_limit" in reported

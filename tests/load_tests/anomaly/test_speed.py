@@ -15,7 +15,7 @@ def test_a_table_without_river(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     monkeypatch.setattr(speed, "python_of", fail)
     monkeypatch.setattr(speed, "WARM_STEPS", 5)
     assert speed.main(["--series", "80", "--rounds", "2", "--ticks", "2", "--warm-s", "2"]) == 0
-    told = capsys.readouterr().out
-    assert "river is not installed" in told
-    assert "80 series" in told
-    assert "everything (Judge)" in told
+    reported = capsys.readouterr().out
+    assert "river is not installed" in reported
+    assert "80 series" in reported
+    assert "everything (Judge)" in reported

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from load_tests.campaign_replicas import Figures
+from load_tests.campaigns.replicas import Figures
 
 
 def test_what_nothing_went_wrong_with_is_good() -> None:

@@ -1,4 +1,4 @@
-"""The simulator's own HTTP/2 beside a real gRPC server: whole messages both ways, windows, ends."""
+"""The simulator's own HTTP/2 beside a real gRPC server: whole messages both ways, windows, callbacks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import grpc
 import pytest
 
 from load_tests.fleet.http2 import Http2Lane, open_http2
-from load_tests.fleet.lanes import Ends, Traffic
+from load_tests.fleet.lanes import LaneCallbacks, Traffic
 
 LARGE = 3 * 1024 * 1024
 
@@ -45,7 +45,7 @@ async def serving() -> AsyncIterator[tuple[Echo, int]]:
         await server.stop(0)
 
 
-class Heard:
+class Received:
     """What a lane told."""
 
     def __init__(self) -> None:
@@ -55,63 +55,63 @@ class Heard:
         self.traffic = Traffic()
 
     async def open(self, port: int) -> Http2Lane:
-        ends = Ends(self.frames.put_nowait, self.over.put_nowait, self.room.set)
-        return await open_http2("127.0.0.1", port, ends, self.traffic)
+        callbacks = LaneCallbacks(self.frames.put_nowait, self.over.put_nowait, self.room.set)
+        return await open_http2("127.0.0.1", port, callbacks, self.traffic)
 
 
 async def test_messages_of_any_size_cross_both_ways() -> None:
-    heard = Heard()
+    received = Received()
     async with asyncio.timeout(30), serving() as (_, port):
-        lane = await heard.open(port)
+        lane = await received.open(port)
         for size in (0, 1, 16_383, 16_384, 100_000, LARGE):
             lane.write(bytes(size))
-            assert len(await heard.frames.get()) == size
+            assert len(await received.frames.get()) == size
         lane.ping()
         lane.ping()
         lane.write(b"still here")
-        assert await heard.frames.get() == b"still here"
-        assert heard.traffic.sent_frames == heard.traffic.received_frames == 7
-        assert heard.traffic.sent_bytes > LARGE
+        assert await received.frames.get() == b"still here"
+        assert received.traffic.sent_frames == received.traffic.received_frames == 7
+        assert received.traffic.sent_bytes > LARGE
         lane.close()
 
 
 async def test_who_is_not_read_has_to_wait() -> None:
-    heard = Heard()
+    received = Received()
     async with asyncio.timeout(30), serving() as (echo, port):
         echo.read.clear()
-        lane = await heard.open(port)
+        lane = await received.open(port)
         lane.write(bytes(LARGE))
         assert lane.full
         echo.read.set()
-        assert len(await heard.frames.get()) == LARGE
-        await heard.room.wait()
+        assert len(await received.frames.get()) == LARGE
+        await received.room.wait()
         assert not lane.full
         lane.close()
 
 
-async def test_the_end_of_a_stream_is_told_once() -> None:
-    heard = Heard()
+async def test_the_end_of_a_stream_is_reported_once() -> None:
+    received = Received()
     async with asyncio.timeout(30), serving() as (_, port):
-        lane = await heard.open(port)
+        lane = await received.open(port)
         lane.write(b"stop")
-        assert "ended the stream" in await heard.over.get()
+        assert "ended the stream" in await received.over.get()
         lane.write(b"nobody hears this")
         lane.close()
     await asyncio.sleep(0)
-    assert heard.over.empty()
+    assert received.over.empty()
 
 
 async def test_a_closed_lane_tells_nothing() -> None:
-    heard = Heard()
+    received = Received()
     async with asyncio.timeout(30), serving() as (_, port):
-        lane = await heard.open(port)
+        lane = await received.open(port)
         lane.close()
         await asyncio.sleep(0)
-    assert heard.over.empty()
+    assert received.over.empty()
 
 
 async def test_nobody_there_is_an_os_error() -> None:
     from tests.support.ports import free_port
 
     with pytest.raises(OSError):
-        await Heard().open(free_port())
+        await Received().open(free_port())

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from load_tests.bench_fleet import SCENARIOS, chosen, main
+from load_tests.benchmarks.gateway.fleet import SCENARIOS, chosen, main
 from load_tests.fleet.conclude import conclude
 from load_tests.fleet.load import Load
 from load_tests.fleet.run import Setting, running
@@ -69,24 +69,24 @@ async def test_scenarios_and_other_transports_small() -> None:
 async def test_what_is_missing_in_the_store_or_there_twice_is_found(tmp_path: Path) -> None:
     figures: dict[str, Any] = {}
     async with running(Setting(quiet=True, warm=True), figures) as run:
-        await run.crowd.join([LOAD] * 3, per_s=50.0)
-        stored = run.crowd.counts
-        assert await run.crowd.until(lambda: stored.stored > 30, timeout_s=60)
+        await run.simulator.join([LOAD] * 3, per_s=50.0)
+        stored = run.simulator.counts
+        assert await run.simulator.until(lambda: stored.stored > 30, timeout_s=60)
         await conclude(run, figures)
         assert (figures["lost"], figures["duplicated"]) == (0, 0)
         database = run.gateway.data_dir / "gateway.sqlite"
         with sqlite3.connect(database) as changed:
             (count,) = changed.execute("SELECT count FROM sample_batches ORDER BY batch LIMIT 1").fetchone()
             changed.execute("DELETE FROM sample_batches WHERE batch = (SELECT min(batch) FROM sample_batches)")
-        verdict = verify(database, run.crowd.robots)
+        verdict = verify(database, run.simulator.robots)
         assert verdict.lost >= count
         with sqlite3.connect(database) as changed:
             columns = "robot, count, stored_ns, series, stamps, vals"
             changed.execute(f"INSERT INTO metric_batches ({columns}) SELECT {columns} FROM metric_batches LIMIT 1")
-        assert verify(database, run.crowd.robots).duplicated >= 4
+        assert verify(database, run.simulator.robots).duplicated >= 4
 
 
-def test_an_unreadable_report_to_compare_with_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unreadable_report_to_compare_with_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "odd.json").write_text("[]")
     assert main(["--quick", "--against", str(tmp_path / "odd.json")]) == 2
     assert "is no report" in capsys.readouterr().err

@@ -27,7 +27,7 @@ def test_an_error_of_a_peer_is_the_result(
     assert "no_such_peer" in error
 
 
-def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: object) -> None:
+def test_a_process_that_ends_is_reported_with_its_last_words(tmp_path: object) -> None:
     broken = {"module": "raw_zenoh", "role": "no_such_role", "scratch": str(tmp_path)}
     with PeerProcess(sys.executable, broken) as process:
         with pytest.raises(PeerFailed, match="KeyError"):

@@ -45,7 +45,7 @@ def test_an_environment_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert len(steps) == 4
 
 
-def test_what_the_installer_said_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_installer_said_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(venvs.shutil, "which", lambda *_, **__: sys.executable)  # an "uv" that knows no "venv"
     with pytest.raises(HomeFailed, match=r"not installed: .*venv"):
         python_of("peers", folder=tmp_path)

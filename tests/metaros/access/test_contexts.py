@@ -46,7 +46,7 @@ def test_the_environment_names_another_one(monkeypatch: pytest.MonkeyPatch) -> N
         contexts.current_gateway()
 
 
-def test_a_damaged_file_is_told() -> None:
+def test_a_damaged_file_is_reported() -> None:
     path = contexts.contexts_file()
     path.parent.mkdir(parents=True)
     path.write_text('{"current": 1}')

@@ -21,11 +21,11 @@ from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 from metaros.interfaces.std_msgs.msg import Bool, Float64, String, UInt8MultiArray
 from tests.metaros.broker.conftest import Rig, received
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 
-def test_a_zeromq_publisher_is_heard_by_a_node(rig: Rig) -> None:
+def test_a_zeromq_publisher_is_received_by_a_node(rig: Rig) -> None:
     heard: list[str] = []
     rig.node.create_subscription(String, "/chatter", lambda message: heard.append(message.data))
     publisher = rig.publisher()
@@ -167,7 +167,7 @@ def test_custom_types_are_learnt_from_the_node_that_has_them(rig: Rig) -> None:
     assert rig.row("/cell", "TO_ROS").type == "strange_msgs/msg/Cell"
 
 
-def test_bad_input_is_counted_and_told_once(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_counted_and_reported_once(rig: Rig, capsys: pytest.CaptureFixture[str]) -> None:
     heard: list[str] = []
     rig.node.create_subscription(String, "/chatter", lambda message: heard.append(message.data))
     publisher = rig.publisher()
@@ -182,9 +182,9 @@ def test_bad_input_is_counted_and_told_once(rig: Rig, capsys: pytest.CaptureFixt
     wait_until(lambda: rig.broker.report().unreadable == 6)
     publisher.send(b'/chatter {"data": "still here"}')
     wait_until(lambda: "still here" in heard)
-    told = capsys.readouterr().err
-    assert told.count("is no JSON") == 1
-    assert told.count("/no//name") == 1
+    reported = capsys.readouterr().err
+    assert reported.count("is no JSON") == 1
+    assert reported.count("/no//name") == 1
 
 
 def test_topics_are_subscribed_only_while_somebody_wants_them(

@@ -11,7 +11,7 @@ import zmq
 from metaros.broker.hub import Hub, HubOptions, endpoint
 from metaros.errors import ConfigError
 from tests.support.ports import free_port
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 
@@ -29,17 +29,17 @@ def test_several_endpoints_and_exact_copies(tmp_path: Path) -> None:
                     socket.connect(where)
                 ears.connect(tcp_out)
                 ears.subscribe(b"")
-                heard: set[tuple[bytes, ...]] = set()
+                received: set[tuple[bytes, ...]] = set()
 
                 def both() -> bool:
                     one.send(b"one \x00")
                     two.send_multipart([b"two", b"\xff" * 1000])
                     while ears.poll(0):
-                        heard.add(tuple(ears.recv_multipart()))
-                    return len(heard) == 2
+                        received.add(tuple(ears.recv_multipart()))
+                    return len(received) == 2
 
                 wait_until(both)
-        assert heard == {(b"one \x00",), (b"two", b"\xff" * 1000)}
+        assert received == {(b"one \x00",), (b"two", b"\xff" * 1000)}
 
         def counted() -> bool:
             hub.ask_totals()
@@ -60,21 +60,21 @@ def test_the_bridge_never_hears_itself_and_sees_who_subscribes() -> None:
             ears.connect(options.xpub[0])
             mouth.connect(options.xsub[0])
             ears.subscribe(b"/a")
-            assert hub.said.poll(60_000)
-            assert hub.said.recv() == b"\x01/a"
-            hub.said.send(b"/a by the bridge")
+            assert hub.outbound.poll(60_000)
+            assert hub.outbound.recv() == b"\x01/a"
+            hub.outbound.send(b"/a by the bridge")
             assert ears.poll(60_000)
             assert ears.recv() == b"/a by the bridge"
 
-            def heard() -> bool:
+            def received() -> bool:
                 mouth.send(b"/a by a program")
-                return bool(hub.heard.poll(0))
+                return bool(hub.received.poll(0))
 
-            wait_until(heard)
-            assert hub.heard.recv() == b"/a by a program", "and nothing of its own before"
+            wait_until(received)
+            assert hub.received.recv() == b"/a by a program", "and nothing of its own before"
             ears.unsubscribe(b"/a")
-            assert hub.said.poll(60_000)
-            assert hub.said.recv() == b"\x00/a"
+            assert hub.outbound.poll(60_000)
+            assert hub.outbound.recv() == b"\x00/a"
     finally:
         hub.close()
 

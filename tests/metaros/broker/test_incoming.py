@@ -8,8 +8,8 @@ import pytest
 
 import metaros
 from metaros.broker.faults import Faults
-from metaros.broker.guess import TypeTable
 from metaros.broker.incoming import Incoming
+from metaros.broker.type_inference import TypeTable
 from metaros.broker.types import Types
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from metaros.broker.dialect import to_payload
 from metaros.broker.frames import parse_payload
-from metaros.broker.guess import BYTES, JSON, TEXT
-from metaros.broker.plain import plain_data
+from metaros.broker.raw_payload import raw_data
+from metaros.broker.type_inference import BYTES, JSON, TEXT
+from metaros.broker.v1_json import to_payload
 from metaros.errors import FieldError
 from metaros.idl import message_class
 
@@ -31,13 +31,13 @@ from metaros.idl import message_class
     ],
 )
 def test_data(name: str, payload: bytes, data: Any) -> None:
-    assert plain_data(name, parse_payload(payload), payload) == data
+    assert raw_data(name, parse_payload(payload), payload) == data
 
 
 @pytest.mark.parametrize("name", [TEXT, JSON])
 def test_bytes_are_no_text(name: str) -> None:
     with pytest.raises(FieldError, match="UTF-8"):
-        plain_data(name, b"\xff", b"\xff")
+        raw_data(name, b"\xff", b"\xff")
 
 
 def test_payloads() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from metaros.broker import TypeTable
-from metaros.broker.guess import guess_type, known_type
+from metaros.broker.type_inference import infer_type, known_type
 from metaros.errors import ConfigError
 from metaros.idl import default_catalogue
 
@@ -37,7 +37,7 @@ from metaros.idl import default_catalogue
     ],
 )
 def test_guess(value: Any, name: str) -> None:
-    assert guess_type(value) == name
+    assert infer_type(value) == name
     assert name in default_catalogue()
 
 

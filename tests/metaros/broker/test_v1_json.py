@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from metaros.broker.dialect import from_payload, to_payload
+from metaros.broker.v1_json import from_payload, to_payload
 from metaros.cdr import codec
 from metaros.errors import FieldError
 from metaros.idl import message_class
@@ -102,7 +102,7 @@ def test_a_value_alone_is_the_data() -> None:
     assert bytes(read("std_msgs/msg/UInt8MultiArray", b"\x00\xff")[0].data) == b"\x00\xff"
 
 
-def test_fields_that_are_not_there_are_told() -> None:
+def test_fields_that_are_not_there_are_reported() -> None:
     message, ignored = read("geometry_msgs/msg/Twist", {"linear": {"x": 1, "w": 0}, "gear": 2})
     assert (message.linear.x, ignored) == (1.0, ["linear.w", "gear"])
 

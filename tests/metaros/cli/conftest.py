@@ -16,12 +16,12 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.wire import WireSession, open_router
 from metaros.wire.names import mangle
-from tests.support.command_line import Done, call_metaros
 from tests.support.ports import free_port
+from tests.support.processes.command_line import Done, call_metaros
 from tests.support.waiting import wait_until
 
 Run = Callable[..., Done]
-Told = Callable[..., None]
+Reported = Callable[..., None]
 
 LOOKING = {"topic", "node", "service", "param", "action", "lifecycle", "graph", "top"}
 PATIENCE = ("--spin-time", "60")  # for the router's answer on a busy machine
@@ -58,7 +58,7 @@ def foreign_port() -> Iterator[int]:
 
 
 @pytest.fixture(scope="module")
-def told(zenoh_router: str) -> Iterator[Told]:
+def told(zenoh_router: str) -> Iterator[Reported]:
     """`told("/chatter")` waits until the router knows an end of that name: to declare one does not wait for it."""
     with closing(WireSession(connect=zenoh_router)) as session, session.client() as client:
 
@@ -87,7 +87,7 @@ def run(zenoh_port: str) -> Run:
 
 
 @pytest.fixture(scope="module")
-def talker(zenoh_router: str, told: Told) -> Iterator[metaros.Node]:
+def talker(zenoh_router: str, told: Reported) -> Iterator[metaros.Node]:
     """A node that publishes /chatter at 20 Hz and serves ~/reset."""
     with (
         metaros.Context(connect=zenoh_router) as context,
@@ -125,7 +125,7 @@ def spinning(*nodes: metaros.Node) -> Iterator[None]:
         thread.join()
 
 
-def assert_told(run: Run, table: Mapping[tuple[str, ...], tuple[int, str]], *noun: str) -> None:
+def assert_reported(run: Run, table: Mapping[tuple[str, ...], tuple[int, str]], *noun: str) -> None:
     """Commands that cannot be: each ends with the code of the table and says the word, in one piece."""
     done = {words: run(*noun, *words) for words in table}
     wrong = {words: one for words, one in done.items() if one.code != table[words][0] or table[words][1] not in one.err}

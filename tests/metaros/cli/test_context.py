@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from metaros.access import contexts
-from metaros.cli.gateway_http import open_gateway
 from metaros.cli.main import main
+from metaros.cli.shared.gateway_http import open_gateway
 
 KEY = "mrk_abc_def"
 

@@ -8,14 +8,14 @@ import pytest
 
 import metaros
 from metaros.cdr import codec
-from metaros.cli import listen
-from metaros.cli.delay import Delay
+from metaros.cli.graph_target import listener
+from metaros.cli.topic.delay import Delay
 from metaros.clock import ManualClock
 from metaros.errors import UsageError
 from metaros.interfaces.sensor_msgs.msg import Temperature
 from metaros.interfaces.std_srvs.srv import Trigger
-from tests.metaros.cli.conftest import Run, Told, assert_told
-from tests.support.command_line import stream_metaros
+from tests.metaros.cli.conftest import Reported, Run, assert_reported
+from tests.support.processes.command_line import stream_metaros
 
 
 def stamped(clock: ManualClock, *, age_s: float) -> bytes:
@@ -64,10 +64,10 @@ def test_what_is_not_there_gets_a_hint(run: Run) -> None:
         ("service", "find", "std_srvs/Triger"): (2, "std_srvs/srv/Trigger"),
         ("topic", "delay", "/chatter"): (2, "std_msgs/msg/String has no header"),
     }
-    assert_told(run, table)
+    assert_reported(run, table)
 
 
-def test_service_info(run: Run, talker: metaros.Node, told: Told) -> None:
+def test_service_info(run: Run, talker: metaros.Node, told: Reported) -> None:
     talker.create_client(Trigger, "~/reset")
     told("/demo/talker/reset", ends=2)
     lines = run("service", "info", "/demo/talker/reset").out.splitlines()
@@ -77,7 +77,7 @@ def test_service_info(run: Run, talker: metaros.Node, told: Told) -> None:
     assert sorted(item["kind"] for item in facts["endpoints"]) == ["client", "server"]
 
 
-def test_hidden_names_are_listed_on_request_only(run: Run, talker: metaros.Node, told: Told) -> None:
+def test_hidden_names_are_listed_on_request_only(run: Run, talker: metaros.Node, told: Reported) -> None:
     talker.create_service(Trigger, "/walk/_action/odd", lambda request, response: response)
     told("/walk/_action/odd")
     assert "/walk/_action/odd" not in run("service", "list").out
@@ -87,7 +87,7 @@ def test_hidden_names_are_listed_on_request_only(run: Run, talker: metaros.Node,
 
 
 def test_topic_delay(zenoh_port: str, talker: metaros.Node, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen, "REPORT_S", 0.1)
+    monkeypatch.setattr(listener, "REPORT_S", 0.1)
     publisher = talker.create_publisher(Temperature, "/warmth", 10)
 
     def publish() -> None:

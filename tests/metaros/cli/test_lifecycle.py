@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
-from tests.metaros.cli.conftest import Run, Told, spinning
-from tests.support.command_line import program
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import Reported, Run, spinning
+from tests.support.processes.command_line import program
+from tests.support.processes.processes import END_S, started
 
 
 @pytest.fixture(autouse=True, scope="module")
-def leg(zenoh_router: str, told: Told) -> Iterator[metaros.LifecycleNode]:
+def leg(zenoh_router: str, told: Reported) -> Iterator[metaros.LifecycleNode]:
     """A lifecycle node, one that refuses to be cleaned up, a hidden one, and one without a lifecycle."""
     with (
         metaros.Context(connect=zenoh_router) as context,
@@ -64,7 +64,7 @@ def test_set(run: Run, leg: metaros.LifecycleNode) -> None:
     assert leg.state.label == "active"
 
 
-def test_a_transition_that_is_not_possible_is_told_those_that_are(run: Run) -> None:
+def test_a_transition_that_is_not_possible_is_reported_those_that_are(run: Run) -> None:
     done = run("lifecycle", "set", "/demo/arm", "activate")
     assert done.code == 2
     assert "unknown transition 'activate', available ones are:\n- configure [1]\n- shutdown [5]" in done.err

@@ -9,8 +9,8 @@ import sys
 from metaros.cli.main import exit_code
 from metaros.cli.nouns import NounCommands
 from metaros.errors import FieldError, MetarosError, TimeoutError_
-from tests.support.command_line import call_metaros, program
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import call_metaros, program
+from tests.support.processes.processes import END_S, started
 
 
 def test_help_names_every_noun() -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from metaros.cli.nouns import plug_ins
-from tests.support.command_line import call_metaros
-from tests.support.processes import END_S, started
+from metaros.cli.nouns import NOUNS, plug_ins
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.processes import END_S, started
 
 PLUGIN = """
 [metaros.cli]
@@ -69,6 +70,15 @@ def test_a_plug_in_that_fails_says_so_in_one_line_and_takes_nothing_else_down() 
     assert call_metaros("interface", "list", "std_srvs/srv/Trigger").out == "std_srvs/srv/Trigger\n"
 
 
+def test_our_own_nouns_are_no_plug_ins() -> None:
+    project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text())["project"]
+    ours = {noun.name for noun in NOUNS}
+    assert [name for name in project["entry-points"]["metaros.cli"] if name not in ours] == []
+    assert [noun.name for noun in NOUNS if not noun.summary] == []
+    page = call_metaros("--help").out
+    assert "command      send, list, show, cancel" in page.split("Robots and data")[1].split("Plug-ins")[0]
+
+
 def test_a_missing_extra_is_named() -> None:
     from metaros.cli.nouns import Noun, _reason
 
@@ -79,7 +89,7 @@ def test_a_missing_extra_is_named() -> None:
 
 
 def test_require_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from metaros.cli import extras
+    from metaros.cli.shared import extras
     from metaros.errors import ConfigError
 
     monkeypatch.setitem(extras.EXTRAS, "agent", ("no_such_module", "json"))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.metaros.cli.conftest import Run, assert_told
-from tests.support.command_line import call_metaros, program
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import Run, assert_reported
+from tests.support.processes.command_line import call_metaros, program
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 
@@ -22,7 +22,7 @@ from tests.support.waiting import wait_until
         (("driver", "run", "camera", "--param", "source=test", "--namespace", "/desk"), signal.SIGINT),
     ],
 )
-def test_it_runs_until_told_to_stop(
+def test_it_runs_until_reported_to_stop(
     zenoh_port: str, tmp_path: Path, command: tuple[str, ...], stop: signal.Signals
 ) -> None:
     status = tmp_path / "status.json"
@@ -49,4 +49,4 @@ def test_what_cannot_be_is_one_line_and_exit_code_2(run: Run) -> None:
         ("sim", "--fault", "nonsense"): (2, "nonsense"),
         ("play", "/no/such/file.clf"): (2, "/no/such/file.clf"),
     }
-    assert_told(run, table)
+    assert_reported(run, table)

@@ -14,9 +14,9 @@ from metaros.cli import router as router_command
 from metaros.errors import ConfigError
 from metaros.wire import WireSession, open_router, probe
 from metaros.wire.router import other_routers
-from tests.support.command_line import Done, call_metaros, program, stop_metaros
 from tests.support.ports import free_port
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import Done, call_metaros, program, stop_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 
@@ -25,7 +25,7 @@ def router(*arguments: str) -> Done:
     return call_metaros("router", *arguments)
 
 
-def test_it_hosts_until_told_to_stop(free_port: int, tmp_path: Path) -> None:
+def test_it_hosts_until_reported_to_stop(free_port: int, tmp_path: Path) -> None:
     status = tmp_path / "deep" / "router.json"
     with started(program("router", "--port", str(free_port), "--status-file", str(status))) as process:
         wait_until(status.exists)
@@ -96,7 +96,7 @@ def test_an_open_router_is_not_taken_for_a_protected_one(zenoh_port: str, tmp_pa
 def test_routers_that_name_each_other_are_one_network() -> None:
     ports = [free_port(), free_port()]
     group = [f"tcp/127.0.0.1:{port}" for port in ports]  # each is told of both
-    heard: list[str] = []
+    received: list[str] = []
     with ExitStack() as stack:
         stack.enter_context(open_router(ports[1], connect=group))
         far = stack.enter_context(client(ports[1]))
@@ -107,9 +107,9 @@ def test_routers_that_name_each_other_are_one_network() -> None:
                 return False
             if not near:
                 near.append(stack.enter_context(client(ports[0])))
-                near[0].declare_subscriber("greeting", lambda sample: heard.append(sample.payload.to_string()))
+                near[0].declare_subscriber("greeting", lambda sample: received.append(sample.payload.to_string()))
             far.put("greeting", "hello")  # again and again: the routers may not know each other yet
-            return "hello" in heard
+            return "hello" in received
 
         options = [option for endpoint in group for option in ("--connect", endpoint)]
         assert stop_metaros("router", "--port", str(ports[0]), *options, when=greeted).code == 0

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import pytest
 
 from tests.metaros.cli.conftest import Run
-from tests.support.far_robot import far_robot
+from tests.support.robots.custom_types_robot import custom_types_robot
 
 
 @pytest.fixture(scope="module")
 def robot(zenoh_router: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """A program of its own, with types of its own."""
-    with far_robot(zenoh_router, tmp_path_factory.mktemp("robot") / "log"):
+    with custom_types_robot(zenoh_router, tmp_path_factory.mktemp("robot") / "log"):
         yield
 
 

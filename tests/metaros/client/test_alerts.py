@@ -13,11 +13,10 @@ import pytest
 
 from gateway.domain.principal import Role
 from metaros._proto import alerts_pb2
-from metaros.client import Alert, AlertChange, AsyncClient, Client
-from metaros.client import alert_asks as asks
+from metaros.client import Alert, AlertChange, AsyncClient, Client, alert_requests
 from metaros.errors import RefusedError
 from tests.gateway.harness import RING, ScriptedAgent
-from tests.support.alerting_gateway import Alerting, alerting_gateway
+from tests.support.gateways.alerting_gateway import Alerting, alerting_gateway
 
 KEY = RING.add(role=Role.ADMIN, name="chief")
 Blocking = Callable[[Callable[[Client], Any]], Awaitable[Any]]  # what the client that blocks answers, in a thread
@@ -87,17 +86,17 @@ async def test_watching_tells_what_is_and_what_changes(tmp_path: Path) -> None:
         hot = (await some.open("sim_1")).id
 
         def until_acknowledged(client: Client) -> list[AlertChange]:
-            told = []
+            reported = []
             for change in client.alerts.watch(causes="heat"):
-                told.append(change)
+                reported.append(change)
                 if change.change == "is":
                     client.alerts.acknowledge(change.alert.id)
                 if change.change == "acknowledged":
                     break
-            return told
+            return reported
 
-        told = await blocking(until_acknowledged)
-        assert [(item.change, item.alert.state) for item in told] == [
+        reported = await blocking(until_acknowledged)
+        assert [(item.change, item.alert.state) for item in reported] == [
             ("is", "open"),
             ("acknowledged", "acknowledged"),
         ]
@@ -117,13 +116,13 @@ def test_a_message_has_every_field_of_an_alert() -> None:
 
 
 def test_only_what_may_be_done_twice_goes_without_a_key() -> None:
-    assert asks.action("a", "acknowledge", {}).headers == {}
+    assert alert_requests.action("a", "acknowledge", {}).headers == {}
     for ask in (
-        asks.action("a", "comments", {}, idempotent=False),
-        asks.silence("a", for_s=1.0, reason=""),
-        asks.add_silence(robots=None, causes=None, up_to="error", for_s=1.0, reason=""),
+        alert_requests.action("a", "comments", {}, idempotent=False),
+        alert_requests.silence("a", for_s=1.0, reason=""),
+        alert_requests.add_silence(robots=None, causes=None, up_to="error", for_s=1.0, reason=""),
     ):
         assert ask.idempotent
         assert len(ask.headers["idempotency-key"]) == 32
-    assert not asks.end_silence("x").idempotent
-    assert asks.alert("a/b").path == "/api/v1/alerts/a%2Fb"
+    assert not alert_requests.end_silence("x").idempotent
+    assert alert_requests.alert("a/b").path == "/api/v1/alerts/a%2Fb"

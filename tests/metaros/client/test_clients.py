@@ -230,8 +230,8 @@ async def test_a_goal_and_its_end(here: World) -> None:
         assert goal.id == asked.send_goal.goal_id.hex()
         status = 6 if blocking else 4  # aborted, succeeded
         result = cdr(f"{FIBONACCI}_GetResult_Response", {"status": status, "result": {"sequence": [0, 1, 1]}})
-        told = link_pb2.GoalEvent(goal_id=asked.send_goal.goal_id, status=status, ended=True, result=result)
-        await here.agent.send(CONTROL, goals=link_pb2.GoalEvents(events=[told]))
+        reported = link_pb2.GoalEvent(goal_id=asked.send_goal.goal_id, status=status, ended=True, result=result)
+        await here.agent.send(CONTROL, goals=link_pb2.GoalEvents(events=[reported]))
         if blocking:
             with pytest.raises(PeerError, match="aborted"):
                 await asyncio.to_thread(goal.result)

@@ -77,7 +77,7 @@ class Reader:
 async def test_what_is_read_goes_on_over_a_restart(tmp_path: Path) -> None:
     readers, numbers, sessions = [Reader(), Reader()], itertools.count(1), itertools.count(1)
 
-    async def until_heard(agent: ScriptedAgent, tasks: list[asyncio.Task[None]]) -> None:
+    async def until_received(agent: ScriptedAgent, tasks: list[asyncio.Task[None]]) -> None:
         first = next(numbers)
         await agent.samples(1, first, [text(first)])
         async with asyncio.timeout(60):
@@ -94,14 +94,14 @@ async def test_what_is_read_goes_on_over_a_restart(tmp_path: Path) -> None:
         clients.push_async_callback(ended, tasks)
         clients.push_async_callback(asyncio.to_thread, sync.close)
         clients.push_async_callback(aio.close)
-        await until_heard(agent, tasks)
+        await until_received(agent, tasks)
         async with asyncio.timeout(60):
             while not all(reader.watching for reader in readers):
                 async with ScriptedAgent(ready, "sim_2", number=next(sessions)):
                     pass
         await first.aclose()
         _, agent = await gateway(second, tmp_path, **ports_of(ready))
-        await until_heard(agent, tasks)
+        await until_received(agent, tasks)
         await wait_until_async(lambda: all(reader.kinds[-2:-1] == ["robot.offline"] for reader in readers))
         for reader in readers:
             assert reader.kinds[-2:] == ["robot.offline", "robot.online"], "none is missing"

@@ -28,7 +28,7 @@ def test_what_may_pass_is_tried_again_if_it_may_be_sent_twice(error: MetarosErro
 
 
 @cases("error", [RefusedError("no", status=404), RefusedError("no", status=500), PeerError("what")])
-def test_what_will_not_pass_is_told_at_once(error: MetarosError) -> None:
+def test_what_will_not_pass_is_reported_at_once(error: MetarosError) -> None:
     assert wait_s(error) is None
 
 

@@ -7,7 +7,7 @@ import pytest
 from metaros._proto import events_pb2, telemetry_pb2
 from metaros.cdr import codec
 from metaros.client import Sample, Values
-from metaros.client.rpc import Place, Samples
+from metaros.client.rpc import EventPosition, Samples
 from metaros.idl import schema_text, type_hash
 from metaros.idl.json import from_json
 
@@ -15,15 +15,15 @@ STRING = "std_msgs/msg/String"
 
 
 def test_events_go_on_behind_the_last_one_that_came() -> None:
-    place = Place(None, "robot.*", ["r1"])
+    place = EventPosition(None, "robot.*", ["r1"])
     assert not place.request().HasField("after"), "from now on"
     assert list(place.events(events_pb2.WatchEventsReply(next=7))) == []
     assert place.request().after == 7, "where it began, though nothing has happened"
-    told = events_pb2.WatchEventsReply(
+    reported = events_pb2.WatchEventsReply(
         events=[events_pb2.Event(cursor=number, kind="robot.online", data_json='{"a": 1}') for number in (8, 9)],
         next=12,
     )
-    pages = place.events(told)
+    pages = place.events(reported)
     first = next(pages)
     assert (first.cursor, first.data) == (8, {"a": 1})
     assert place.request().after == 8, "the second one was not taken yet"

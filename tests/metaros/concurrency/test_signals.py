@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from metaros.signals import StopEvent, on_stop, stop_signals
-from tests.support.interrupts import interrupt_at
+from metaros.concurrency.signals import StopEvent, on_stop, stop_signals
+from tests.support.nodes.interrupts import interrupt_at
 
 
 class LoopWithoutHandlers(asyncio.SelectorEventLoop):
@@ -45,15 +45,15 @@ def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: st
 
 
 def test_a_late_signal_after_the_loop_is_nobody_s() -> None:
-    told = list[str]()
+    reported = list[str]()
     with asyncio.Runner(loop_factory=LoopWithoutHandlers) as runner:
 
         async def main() -> None:
-            on_stop(asyncio.get_running_loop(), lambda: told.append("to stop"))
+            on_stop(asyncio.get_running_loop(), lambda: reported.append("to stop"))
 
         runner.run(main())
     os.kill(os.getpid(), signal.SIGTERM)
-    assert told == []
+    assert reported == []
 
 
 def test_a_closed_terminal_counts_only_when_asked_for() -> None:

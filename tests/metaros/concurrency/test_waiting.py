@@ -13,9 +13,9 @@ from types import CodeType
 
 import pytest
 
-from metaros.executor.ingress import Desk, Ingress
-from metaros.waiting import WaitQueue, Wakeup, pause
-from tests.support.interrupts import interrupt_at
+from metaros.concurrency.waiting import WaitQueue, Wakeup, pause
+from metaros.executor.ingress import Ingress, ReadyQueue
+from tests.support.nodes.interrupts import interrupt_at
 
 TIMEOUT_S = 0.02
 
@@ -73,9 +73,9 @@ def test_a_wakeup_is_taken_back_by_the_wait() -> None:
 def ingress_wait() -> None:
     """As an executor waits for its next timer."""
     ingress = Ingress()
-    ingress.also(lambda: None)  # its relief thread runs
+    ingress.add_chore(lambda: None)  # its relief thread runs
     try:
-        ingress.wait(Desk(), TIMEOUT_S)
+        ingress.wait(ReadyQueue(), TIMEOUT_S)
     finally:
         ingress.close()
 

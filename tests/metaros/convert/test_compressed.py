@@ -37,9 +37,9 @@ def test_png_gives_the_very_pixels_back(channels: int, dtype: str, encoding: str
     pixels = gradient(channels, dtype)
     message = numpy_to_compressed(pixels, "png", encoding=encoding, stamp_ns=2_000_000_001, frame_id="cam")
     assert (message.format, message.header.stamp.sec, message.header.frame_id) == ("png", 2, "cam")
-    heard = codec(CompressedImage).decode(codec(CompressedImage).encode(message))
-    assert (compressed_to_numpy(heard, encoding) == pixels).all()
-    assert image_file_size(heard.data.tobytes()) == (32, 24)
+    received = codec(CompressedImage).decode(codec(CompressedImage).encode(message))
+    assert (compressed_to_numpy(received, encoding) == pixels).all()
+    assert image_file_size(received.data.tobytes()) == (32, 24)
 
 
 @cases("channels", [1, 3])

@@ -34,9 +34,9 @@ def test_samples_come_back(shape: tuple[int, ...]) -> None:
     channels = shape[1] if len(shape) > 1 else 1
     assert (message.format, message.sample_rate, message.number_of_channels) == ("pcm-s16", 48_000, channels)
     assert np.shares_memory(message.data, samples) or not samples.size
-    heard = codec(RawAudio).decode(codec(RawAudio).encode(message))
-    assert (audio_to_numpy(heard) == samples.reshape(-1, channels)).all()
-    assert audio_to_numpy(heard).dtype == np.int16
+    received = codec(RawAudio).decode(codec(RawAudio).encode(message))
+    assert (audio_to_numpy(received) == samples.reshape(-1, channels)).all()
+    assert audio_to_numpy(received).dtype == np.int16
 
 
 def test_floats_are_scaled_and_cut_off() -> None:
@@ -102,22 +102,28 @@ def test_a_packet_keeps_what_an_encoder_said() -> None:
     packet = video_packet(
         H264_KEY, "h264", pts_ns=40_000_000, stamp_ns=3_000_000_007, width=640, height=360, frame_id="cam"
     )
-    heard = codec(VideoPacket).decode(codec(VideoPacket).encode(packet))
-    assert (heard.codec, heard.key_frame, heard.pts, heard.width, heard.height) == ("h264", True, 40_000_000, 640, 360)
-    assert (heard.header.stamp.sec, heard.header.stamp.nanosec, heard.header.frame_id) == (3, 7, "cam")
-    assert heard.data.tobytes() == H264_KEY
+    received = codec(VideoPacket).decode(codec(VideoPacket).encode(packet))
+    assert (received.codec, received.key_frame, received.pts, received.width, received.height) == (
+        "h264",
+        True,
+        40_000_000,
+        640,
+        360,
+    )
+    assert (received.header.stamp.sec, received.header.stamp.nanosec, received.header.frame_id) == (3, 7, "cam")
+    assert received.data.tobytes() == H264_KEY
 
 
 def test_viewers_get_foxgloves_message_and_back() -> None:
     shown = video_to_foxglove(video_packet(H264_KEY, "h264", pts_ns=9, stamp_ns=3_000_000_007, frame_id="cam"))
-    heard = codec(CompressedVideo).decode(codec(CompressedVideo).encode(shown))
-    assert (heard.format, heard.frame_id, heard.timestamp.nanosec) == ("h264", "cam", 7)
-    packet = foxglove_to_video(heard)
+    received = codec(CompressedVideo).decode(codec(CompressedVideo).encode(shown))
+    assert (received.format, received.frame_id, received.timestamp.nanosec) == ("h264", "cam", 7)
+    packet = foxglove_to_video(received)
     assert (packet.codec, packet.key_frame, packet.pts, packet.header.stamp.sec) == ("h264", True, 3_000_000_007, 3)
     assert packet.data.tobytes() == H264_KEY
 
 
-def test_unknown_codecs_are_told() -> None:
+def test_unknown_codecs_are_reported() -> None:
     with pytest.raises(FieldError, match="codec: 'mpeg2' is none of h264, h265, vp8, vp9, av1"):
         video_packet(b"", "mpeg2", pts_ns=0)
     with pytest.raises(FieldError, match="say key_frame="):

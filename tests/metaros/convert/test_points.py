@@ -54,12 +54,12 @@ def test_a_structured_cloud_with_gaps_crosses_uncopied() -> None:
         ("ring", 20, 4, 1),
         ("time", 24, 8, 1),
     ]
-    heard = codec(PointCloud2).decode(codec(PointCloud2).encode(cloud))
-    back = points_to_numpy(heard)
+    received = codec(PointCloud2).decode(codec(PointCloud2).encode(cloud))
+    back = points_to_numpy(received)
     assert back.dtype == LIDAR
     assert all((back[name] == points[name]).all() for name in LIDAR.names or ())
-    xyz = points_xyz(heard)
-    assert np.shares_memory(xyz, heard.data)
+    xyz = points_xyz(received)
+    assert np.shares_memory(xyz, received.data)
     assert xyz.tolist() == np.stack([points["x"], points["y"], points["z"]], axis=-1).tolist()
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
-from tests.support.hurried import HurriedClock
-from tests.support.leaping import LeapingClock
-from tests.support.routers import zenoh_router
+from tests.support.processes.clock_jump import LeapingClock
+from tests.support.processes.fast_loop import HurriedClock
+from tests.support.servers.routers import zenoh_router
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from metaros.interfaces.diagnostic_msgs.msg import DiagnosticStatus
 from metaros.interfaces.metaros_msgs.msg import HostMemory
 from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import qos_default
-from tests.support.drivers import running
+from tests.support.devices.drivers import running
 from tests.support.waiting import wait_until
 
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from metaros.drivers.turns import MAX_RAYS, Rays, Turn, TurnAssembler, laser_scan
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M, distances_m
+from metaros.drivers.lidar_scans import MAX_RAYS, Rays, Revolution, ScanAssembler, laser_scan
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M, distances_m
 
 SECOND = 1_000_000_000
 
@@ -18,7 +18,7 @@ def rays(angles: list[float], stamp_ns: int, ranges: list[float] | None = None) 
     return Rays(angles_deg=angles, ranges_m=measured, intensities=[9.0] * len(angles), stamp_ns=stamp_ns)
 
 
-def turned(assembler: TurnAssembler, turns: int, *, begin_deg: float = 0.0) -> list[Turn]:
+def turned(assembler: ScanAssembler, turns: int, *, begin_deg: float = 0.0) -> list[Revolution]:
     """Ten rays every 2 ms, one a degree."""
     done, stamp = [], 0
     for step in range(36 * turns + 1):
@@ -27,17 +27,17 @@ def turned(assembler: TurnAssembler, turns: int, *, begin_deg: float = 0.0) -> l
     return done
 
 
-def scan_of(turn: Turn, bins: int = 360) -> object:
+def scan_of(turn: Revolution, bins: int = 360) -> object:
     return laser_scan(turn, bins=bins, range_min_m=0.1, range_max_m=12.0, frame_id="laser")
 
 
 def test_the_part_before_the_first_cut_is_no_turn() -> None:
-    assert len(turned(TurnAssembler(), 3)) == 2
-    assert len(turned(TurnAssembler(), 3, begin_deg=180)) == 2  # whether anything was before is not known
+    assert len(turned(ScanAssembler(), 3)) == 2
+    assert len(turned(ScanAssembler(), 3, begin_deg=180)) == 2  # whether anything was before is not known
 
 
 def test_a_scan_has_the_room_counter_clockwise() -> None:
-    (turn, *_) = turned(TurnAssembler(), 3)
+    (turn, *_) = turned(ScanAssembler(), 3)
     scan = scan_of(turn)
     assert scan.angle_min == pytest.approx(-math.pi)
     assert scan.angle_max == pytest.approx(math.pi - 2 * math.pi / 360, abs=1e-5)
@@ -48,7 +48,7 @@ def test_a_scan_has_the_room_counter_clockwise() -> None:
 
 
 def test_ray_i_was_measured_at_stamp_plus_i_increments() -> None:
-    (turn, *_) = turned(TurnAssembler(), 3)
+    (turn, *_) = turned(ScanAssembler(), 3)
     scan = scan_of(turn)
     stamp_ns = scan.header.stamp.sec * SECOND + scan.header.stamp.nanosec
     assert stamp_ns == turn.ended_ns
@@ -59,7 +59,7 @@ def test_ray_i_was_measured_at_stamp_plus_i_increments() -> None:
 
 def test_bins_without_a_ray_are_nan_those_without_a_return_inf() -> None:
     angles = [180.0 + 2 * index for index in range(180)]
-    turn = Turn(
+    turn = Revolution(
         angles_deg=np.array(angles),
         ranges_m=np.array([0.0, 0.05, 99.0] + [1.0] * 177, np.float32),
         intensities=np.ones(180, np.float32),
@@ -73,7 +73,7 @@ def test_bins_without_a_ray_are_nan_those_without_a_return_inf() -> None:
 
 
 def test_the_nearest_of_a_bin_counts() -> None:
-    turn = Turn(
+    turn = Revolution(
         angles_deg=np.array([0.0, 0.1, 0.2, 0.3]),
         ranges_m=np.array([5.0, 0.0, 2.0, 3.0], np.float32),
         intensities=np.array([1, 2, 3, 4], np.float32),
@@ -85,21 +85,21 @@ def test_the_nearest_of_a_bin_counts() -> None:
 
 
 def test_after_a_gap_the_begun_turn_is_none() -> None:
-    assembler = TurnAssembler()
+    assembler = ScanAssembler()
     turned(assembler, 2)
     assembler.restart()
     assert assembler.add(rays([170.0, 175.0, 185.0, 190.0], SECOND)) == []
 
 
 def test_a_stumble_of_the_angle_is_no_turn() -> None:
-    assembler = TurnAssembler()
+    assembler = ScanAssembler()
     assembler.add(rays([170.0, 190.0], 1))
     assert assembler.add(rays([170.0, 190.0, 200.0], 2)) == []
     assert assembler.short_turns == 1
 
 
 def test_an_angle_that_stands_still_does_not_fill_the_memory() -> None:
-    assembler = TurnAssembler()
+    assembler = ScanAssembler()
     for stamp in range(2 * MAX_RAYS // 100 + 2):
         assert assembler.add(rays([42.0] * 100, stamp, [1.0] * 100)) == []
     assert assembler.overlong_turns == 2

@@ -12,10 +12,10 @@ import pytest
 
 import metaros
 from metaros.drivers import node as node_module
-from metaros.drivers.back_off import BackOff
+from metaros.drivers.backoff import Backoff
+from metaros.drivers.context import DriverContext
 from metaros.drivers.manifest import Manifest, read_manifest
 from metaros.drivers.node import DriverNode
-from metaros.drivers.unit import Unit
 from metaros.errors import ClosedError, ConfigError, UnavailableError
 from metaros.interfaces.std_msgs.msg import Int32
 from tests.support.waiting import wait_until
@@ -39,9 +39,9 @@ summary = "How far."
 class Toy:
     """Publishes numbers; `failures` are raised by `open`, one after the other."""
 
-    def __init__(self, unit: Unit) -> None:
-        self.unit = unit
-        self.publisher = unit.publisher(Int32, "count")
+    def __init__(self, context: DriverContext) -> None:
+        self.context = context
+        self.publisher = context.publisher(Int32, "count")
         self.failures: list[Exception] = []
         self.close_fails = False
         self.run_returns = False
@@ -49,18 +49,18 @@ class Toy:
         self.hang = threading.Event()
         self.hang.set()
         self.steps: list[int] = []
-        unit.on_change("step", self.steps.append)
+        context.on_change("step", self.steps.append)
 
     def open(self) -> None:
         """Fail, or be there."""
         self.opened += 1
         if self.failures:
             raise self.failures.pop(0)
-        self.unit.opened("here")
+        self.context.opened("here")
 
     def run(self) -> None:
         """Count until told to stop."""
-        while not self.run_returns and not self.unit.wait(0.01):
+        while not self.run_returns and not self.context.wait(0.01):
             self.publisher.publish(Int32(data=self.opened))
             self.hang.wait(60)
 
@@ -76,14 +76,14 @@ class Rig:
 
     def __init__(self, manifest: Manifest, context: metaros.Context, parameters: dict[str, object]) -> None:
         self.toys: list[Toy] = []
-        back_off = BackOff(first_s=0.02, last_s=0.02)
-        self.node = DriverNode(manifest, self.make, parameters, context=context, back_off=back_off)
+        backoff = Backoff(first_s=0.02, last_s=0.02)
+        self.node = DriverNode(manifest, self.make, parameters, context=context, backoff=backoff)
 
-    def make(self, unit: Unit) -> Toy:
+    def make(self, context: DriverContext) -> Toy:
         """Refuse a step of 9, else a new toy."""
-        if unit["step"] == 9:
+        if context["step"] == 9:
             raise ConfigError("toy: nine is too far")
-        self.toys.append(Toy(unit))
+        self.toys.append(Toy(context))
         return self.toys[-1]
 
     @property
@@ -94,7 +94,7 @@ class Rig:
     @property
     def state(self) -> str:
         """Of its standing."""
-        return self.node.standing.state.value
+        return self.node.status.state.value
 
 
 @pytest.fixture
@@ -119,9 +119,9 @@ def test_a_device_that_is_away_is_tried_until_it_is_there(manifest: Manifest, co
         assert toy.node.trigger("configure")
         toy.toy.failures = [UnavailableError("away"), UnavailableError("away")]
         assert toy.node.trigger("activate")
-        wait_until(lambda: toy.state == "working" and toy.node.standing.counters["readings"] > 3)
+        wait_until(lambda: toy.state == "working" and toy.node.status.counters["readings"] > 3)
         assert toy.toy.opened == 3
-        assert toy.node.standing.counters["reconnects"] == 2
+        assert toy.node.status.counters["reconnects"] == 2
         assert toy.node.trigger("deactivate")
         assert toy.state == "resting"
         assert toy.toy.closed == 3
@@ -155,7 +155,7 @@ def test_a_device_that_ends_by_itself_is_opened_again_after_a_wait(
         assert toy.node.trigger("configure")
         toy.toy.run_returns = True
         assert toy.node.trigger("activate")
-        wait_until(lambda: toy.node.standing.detail == "the device ended")
+        wait_until(lambda: toy.node.status.detail == "the device ended")
         toy.toy.run_returns = False
         wait_until(lambda: toy.state == "working")
         assert toy.toy.opened < 50
@@ -177,7 +177,7 @@ def test_a_device_that_does_not_let_go_is_not_run_twice(
     with rig(manifest, context) as toy:
         toy.node.start()
         toy.toy.hang.clear()
-        wait_until(lambda: toy.node.standing.counters["readings"] > 0)
+        wait_until(lambda: toy.node.status.counters["readings"] > 0)
         assert not toy.node._halt()
         assert not toy.node.on_activate()
         toy.toy.hang.set()
@@ -199,7 +199,7 @@ def test_a_configuration_error_on_the_thread_ends_the_driver(manifest: Manifest,
         assert toy.node.trigger("activate")
         wait_until(lambda: toy.node.ended)
         assert toy.state == "failed"
-        assert toy.node.standing.detail == "no such port can be"
+        assert toy.node.status.detail == "no such port can be"
 
 
 def test_a_closed_context_ends_the_driver(manifest: Manifest, context: metaros.Context) -> None:
@@ -216,7 +216,7 @@ def test_an_unplug_is_simulated(manifest: Manifest, context: metaros.Context) ->
         wait_until(lambda: toy.state == "working")
         toy.node.faults.inject("unplug")
         wait_until(lambda: toy.state == "waiting")
-        assert toy.node.standing.detail == "unplugged (simulated)"
+        assert toy.node.status.detail == "unplugged (simulated)"
         toy.node.faults.inject("clear")
         wait_until(lambda: toy.state == "working")
 

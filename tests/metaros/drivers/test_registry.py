@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from metaros.drivers.probing import Found, probe
-from metaros.drivers.registry import FOLDER, device_maker, driver_kinds, maker_in, manifest_of, prober
+from metaros.drivers.probing import Found
+from metaros.drivers.registry import FOLDER, device_maker, driver_kinds, maker_in, manifest_of, probe, prober
 from metaros.drivers.scaffold import scaffold
 from metaros.drivers.values import read_values
 from metaros.errors import ConfigError
@@ -117,7 +117,7 @@ def test_a_folder_that_is_no_driver_is_named(tmp_path: Path) -> None:
         maker_in(tmp_path)
     scaffold("sonar_probe", tmp_path)
     (tmp_path / "sonar_probe" / "driver.py").write_text("")
-    with pytest.raises(ConfigError, match=r"no make\(unit\)"):
+    with pytest.raises(ConfigError, match=r"no make\(context\)"):
         maker_in(tmp_path / "sonar_probe")
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import metaros
 from metaros.drivers import run_driver
+from metaros.drivers.context import DriverContext
 from metaros.drivers.manifest import read_manifest
 from metaros.drivers.run import run_device
-from metaros.drivers.unit import Unit
 from metaros.errors import ClosedError, ConfigError
 from tests.support.waiting import wait_until
 
@@ -22,8 +22,8 @@ HEAD = 'kind = "toy"\nname = "Toy"\nsummary = "Toys."\nquality = "bronze"\nstale
 class Toy:
     """Calls `opened`, then waits."""
 
-    def __init__(self, unit: Unit, opened: Callable[[], object]) -> None:
-        self._unit = unit
+    def __init__(self, context: DriverContext, opened: Callable[[], object]) -> None:
+        self._context = context
         self._opened = opened
 
     def open(self) -> None:
@@ -32,7 +32,7 @@ class Toy:
 
     def run(self) -> None:
         """Wait until told to stop."""
-        while not self._unit.wait(1.0):
+        while not self._context.wait(1.0):
             pass
 
     def close(self) -> None:
@@ -43,7 +43,7 @@ def run(folder: Path, context: metaros.Context, opened: Callable[[], object], st
     path = folder / "toy" / "manifest.toml"
     path.parent.mkdir()
     path.write_text(HEAD)
-    run_device(read_manifest(path), lambda unit: Toy(unit, opened), {}, context=context, stop=stop)
+    run_device(read_manifest(path), lambda context: Toy(context, opened), {}, context=context, stop=stop)
 
 
 def test_it_runs_until_stop_is_set(tmp_path: Path, context: metaros.Context) -> None:

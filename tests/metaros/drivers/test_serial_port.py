@@ -9,32 +9,32 @@ from typing import cast
 import pytest
 
 from metaros.clock import ManualClock, system_rng
+from metaros.drivers.context import DriverContext
 from metaros.drivers.faults import FaultBox
 from metaros.drivers.manifest import Manifest
 from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.standing import Standing
-from metaros.drivers.unit import Unit
+from metaros.drivers.status import DriverStatus
 from metaros.errors import ConfigError, UnavailableError
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 
-class PortUnit:
-    """As much of a Unit as a port asks for."""
+class PortContext:
+    """As much of a DriverContext as a port asks for."""
 
     def __init__(self) -> None:
         self.manifest = Manifest(kind="toy", name="Toy", summary="Toys.", quality="bronze")
-        self.standing = Standing(ManualClock(), stale_after_s=0.0)
+        self.status = DriverStatus(ManualClock(), stale_after_s=0.0)
         self.faults = FaultBox(system_rng())
 
     def heard(self, data: bytes) -> bytes:
-        """As a Unit does."""
-        return Unit.heard(cast("Unit", self), data)
+        """As a DriverContext does."""
+        return DriverContext.heard(cast("DriverContext", self), data)
 
 
 @pytest.fixture
-def unit() -> Unit:
-    return cast("Unit", PortUnit())
+def context() -> DriverContext:
+    return cast("DriverContext", PortContext())
 
 
 @pytest.fixture
@@ -43,13 +43,13 @@ def device(tmp_path: Path) -> Iterator[PtyDevice]:
         yield made
 
 
-def test_bytes_go_both_ways_and_are_counted(unit: Unit, device: PtyDevice) -> None:
-    port = SerialPort(unit, device.path, 115200)
+def test_bytes_go_both_ways_and_are_counted(context: DriverContext, device: PtyDevice) -> None:
+    port = SerialPort(context, device.path, 115200)
     assert port.read() == b""
     device.write(b"hello")
     got = bytearray()
     wait_until(lambda: bool(got.extend(port.read()) or got == b"hello"))
-    assert unit.standing.counters["bytes_read"] == 5
+    assert context.status.counters["bytes_read"] == 5
     port.write(b"there")
     sent = bytearray()
     wait_until(lambda: bool(sent.extend(device.read()) or sent == b"there"))
@@ -57,8 +57,8 @@ def test_bytes_go_both_ways_and_are_counted(unit: Unit, device: PtyDevice) -> No
     port.close()
 
 
-def test_unplugged_is_said_by_reads_and_writes(unit: Unit, device: PtyDevice) -> None:
-    port = SerialPort(unit, device.path, 115200)
+def test_unplugged_is_said_by_reads_and_writes(context: DriverContext, device: PtyDevice) -> None:
+    port = SerialPort(context, device.path, 115200)
     device.unplug()
     with pytest.raises(UnavailableError):
         port.read()
@@ -67,19 +67,19 @@ def test_unplugged_is_said_by_reads_and_writes(unit: Unit, device: PtyDevice) ->
     port.discard()
     port.close()
     with pytest.raises(UnavailableError, match=r"ttyTEST0"):
-        SerialPort(unit, device.path, 115200)
+        SerialPort(context, device.path, 115200)
 
 
-def test_a_port_in_use_is_not_shared(unit: Unit, device: PtyDevice) -> None:
-    port = SerialPort(unit, device.path, 115200)
+def test_a_port_in_use_is_not_shared(context: DriverContext, device: PtyDevice) -> None:
+    port = SerialPort(context, device.path, 115200)
     with pytest.raises(UnavailableError):
-        SerialPort(unit, device.path, 115200)
+        SerialPort(context, device.path, 115200)
     port.close()
-    SerialPort(unit, device.path, 115200).close()
+    SerialPort(context, device.path, 115200).close()
 
 
-def test_what_can_never_be_is_a_configuration_error(unit: Unit, device: PtyDevice) -> None:
+def test_what_can_never_be_is_a_configuration_error(context: DriverContext, device: PtyDevice) -> None:
     with pytest.raises(ConfigError, match="port is empty"):
-        SerialPort(unit, "", 115200)
+        SerialPort(context, "", 115200)
     with pytest.raises(ConfigError):
-        SerialPort(unit, device.path, -1)
+        SerialPort(context, device.path, -1)

@@ -11,7 +11,7 @@ from metaros.clock import ManualClock
 from metaros.drivers import sound
 from metaros.drivers.sound import PACKET_S, Pacer
 from metaros.interfaces.foxglove_msgs.msg import RawAudio
-from tests.support.drivers import running
+from tests.support.devices.drivers import running
 from tests.support.waiting import wait_until
 
 
@@ -84,14 +84,14 @@ def test_a_device_that_breaks_while_it_is_open(
     monkeypatch.setattr(sound, "_portaudio", lambda: fake)
     monkeypatch.setattr(sound, "STUCK_S", 0.2)
     with running("microphone", {"device": "fake"}, context=context) as driver:
-        heard, told = driver.messages(RawAudio, "audio"), set[str]()
-        wait_until(lambda: len(heard) > 3)
+        received, reported = driver.messages(RawAudio, "audio"), set[str]()
+        wait_until(lambda: len(received) > 3)
         fake.broken = how
-        wait_until(lambda: told.add(driver.status().message) or any(said in text for text in told))
+        wait_until(lambda: reported.add(driver.status().message) or any(said in text for text in reported))
         wait_until(lambda: driver.state() == "waiting")
         fake.broken = ""
-        count = len(heard)
-        wait_until(lambda: len(heard) > count + 3 and driver.state() == "working")
+        count = len(received)
+        wait_until(lambda: len(received) > count + 3 and driver.state() == "working")
         fake.broken = "overflows"
         wait_until(lambda: int(driver.facts().get("overflows", 0)) > 3)
     assert fake.opened == fake.closed > 1

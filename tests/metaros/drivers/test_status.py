@@ -4,69 +4,69 @@ from __future__ import annotations
 
 from metaros.clock import ManualClock
 from metaros.drivers.diagnostics import status_of
-from metaros.drivers.standing import MAX_COUNTERS, DriverState, Standing
+from metaros.drivers.status import MAX_COUNTERS, DriverState, DriverStatus
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticStatus
 
 
-def facts(standing: Standing) -> dict[str, str]:
-    return {value.key: value.value for value in status_of("/r1/toy", "toy", standing).values}
+def facts(status: DriverStatus) -> dict[str, str]:
+    return {value.key: value.value for value in status_of("/r1/toy", "toy", status).values}
 
 
 def test_a_device_without_readings_is_stale() -> None:
     clock = ManualClock()
-    standing = Standing(clock, stale_after_s=2.0)
-    standing.opened("here", "serial 1")
+    status = DriverStatus(clock, stale_after_s=2.0)
+    status.opened("here", "serial 1")
     clock.advance(1.0)
-    standing.reading()
+    status.reading()
     clock.advance(1.9)
-    assert standing.state is DriverState.WORKING
+    assert status.state is DriverState.WORKING
     clock.advance(0.2)
-    assert standing.state is DriverState.STALE
-    status = status_of("/r1/toy", "toy", standing)
+    assert status.state is DriverState.STALE
+    status = status_of("/r1/toy", "toy", status)
     assert (status.level, status.message) == (DiagnosticStatus.STALE, "no reading for 2.1 s")
     assert status.hardware_id == "serial 1"
 
 
 def test_a_device_that_is_never_stale() -> None:
     clock = ManualClock()
-    standing = Standing(clock, stale_after_s=0.0)
-    standing.opened("here", "")
+    status = DriverStatus(clock, stale_after_s=0.0)
+    status.opened("here", "")
     clock.advance(1e6)
-    assert standing.state is DriverState.WORKING
+    assert status.state is DriverState.WORKING
 
 
 def test_the_rate_is_of_the_latest_readings_and_ends_with_them() -> None:
     clock = ManualClock()
-    standing = Standing(clock, stale_after_s=0.0)
-    standing.opened("here", "")
+    status = DriverStatus(clock, stale_after_s=0.0)
+    status.opened("here", "")
     for _ in range(20):
         clock.advance(0.1)
-        standing.reading()
-    assert facts(standing)["rate_hz"] == "10"
+        status.reading()
+    assert facts(status)["rate_hz"] == "10"
     clock.advance(5.0)
-    assert facts(standing)["rate_hz"] == "0"
+    assert facts(status)["rate_hz"] == "0"
 
 
 def test_counters_are_bounded() -> None:
-    standing = Standing(ManualClock(), stale_after_s=0.0)
+    status = DriverStatus(ManualClock(), stale_after_s=0.0)
     for number in range(1000):
-        standing.count(f"bad_{number}")
-    assert len(standing.counters) == MAX_COUNTERS + 1
-    assert standing.counters["other"] == 1000 - MAX_COUNTERS
+        status.count(f"bad_{number}")
+    assert len(status.counters) == MAX_COUNTERS + 1
+    assert status.counters["other"] == 1000 - MAX_COUNTERS
 
 
 def test_levels_and_messages() -> None:
-    standing = Standing(ManualClock(), stale_after_s=0.0)
-    standing.enter(DriverState.WAITING, "/dev/x: no such file")
-    status = status_of("/r1/toy", "toy", standing)
+    driver = DriverStatus(ManualClock(), stale_after_s=0.0)
+    driver.enter(DriverState.WAITING, "/dev/x: no such file")
+    status = status_of("/r1/toy", "toy", driver)
     assert (status.level, status.message, status.name) == (
         DiagnosticStatus.ERROR,
         "/dev/x: no such file",
         "/r1/toy",
     )
-    standing.opened("here", "")
-    standing.warning = "low battery"
-    status = status_of("/r1/toy", "toy", standing)
+    driver.opened("here", "")
+    driver.warning = "low battery"
+    status = status_of("/r1/toy", "toy", driver)
     assert (status.level, status.message) == (DiagnosticStatus.WARN, "low battery")
-    standing.enter(DriverState.RESTING)
-    assert status_of("/r1/toy", "toy", standing).level == DiagnosticStatus.OK
+    driver.enter(DriverState.RESTING)
+    assert status_of("/r1/toy", "toy", driver).level == DiagnosticStatus.OK

@@ -11,8 +11,8 @@ import pytest
 from metaros.clock import SystemClock
 from metaros.errors import ClosedError, UsageError
 from metaros.executor import AsyncioExecutor, Ingress
-from tests.support.small_node import Item, SmallNode
-from tests.support.threads import left_behind, threads_now
+from tests.support.nodes.small_node import Item, SmallNode
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until_async
 
 
@@ -24,25 +24,25 @@ def node() -> Iterator[SmallNode]:
 
 
 async def test_plain_and_async_callbacks_run_in_the_programs_loop(node):
-    heard: list[object] = []
+    received: list[object] = []
 
     async def later(item: Item) -> None:
         await asyncio.sleep(0)
-        heard.append(asyncio.get_running_loop())
+        received.append(asyncio.get_running_loop())
 
-    node.listen("a", lambda item: heard.append(threading.current_thread()))
+    node.listen("a", lambda item: received.append(threading.current_thread()))
     node.listen("b", later)
     ticked = asyncio.Event()
     node.timers.add(0.001, ticked.set)
     async with AsyncioExecutor(node):
         node.ingress.put(Item("a"))
         node.ingress.put(Item("b"))
-        await wait_until_async(lambda: len(heard) == 2)
+        await wait_until_async(lambda: len(received) == 2)
         await asyncio.wait_for(ticked.wait(), 60)
-    assert heard == [threading.current_thread(), asyncio.get_running_loop()]
+    assert received == [threading.current_thread(), asyncio.get_running_loop()]
     node.ingress.put(Item("a"))
     await asyncio.sleep(0.01)
-    assert len(heard) == 2
+    assert len(received) == 2
 
 
 async def test_leaving_the_block_cancels_what_awaits(node):
@@ -105,8 +105,8 @@ async def test_callbacks_that_raise_end_nothing(node, caplog):
 
 def test_outside_a_loop_it_spins_like_any_other(node):
     executor = AsyncioExecutor(node)
-    heard: list[int] = []
-    node.listen("a", lambda item: (heard.append(item.value), executor.shutdown()))
+    received: list[int] = []
+    node.listen("a", lambda item: (received.append(item.value), executor.shutdown()))
     node.ingress.put(Item("a", 3))
     executor.spin()
-    assert heard == [3]
+    assert received == [3]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from tests.support.forked import ended, forked
+from tests.support.processes.forked import ended, forked
 
 IMPORTS = """
 import threading
-import metaros, metaros.executor, metaros.executor.critical, metaros.executor.fair, metaros.node
-from metaros.executor import critical, pool
+import metaros, metaros.executor, metaros.executor.critical_thread, metaros.executor.fair_executor, metaros.node
+from metaros.executor import critical_thread, pool
 
-critical._JOIN_S = pool._JOIN_S = 0.2
+critical_thread._JOIN_S = pool._JOIN_S = 0.2
 """
 PROGRAM = """
 context = metaros.Context(domain_id=0, connect=[])

@@ -15,8 +15,8 @@ from metaros.clock import ManualClock, SystemClock
 from metaros.errors import UsageError
 from metaros.executor import FairExecutor, Ingress
 from metaros.executor.fair_schedule import weight_of
-from tests.support.small_node import Item, SmallNode
-from tests.support.threads import left_behind, threads_now
+from tests.support.nodes.small_node import Item, SmallNode
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 LEVELS = (-5, 0, 5)
@@ -93,13 +93,13 @@ def test_a_late_sleeper_runs_at_once_and_catches_nothing_up(ingress, clock):
     assert len(late) == pytest.approx(500, rel=0.08)
 
 
-def test_a_node_has_its_nice_level_itself_unless_it_is_told_another(ingress, clock):
+def test_a_node_has_its_nice_level_itself_unless_it_is_reported_another(ingress, clock):
     executor = simulated(clock)
-    own, told = busy_node(ingress, clock), busy_node(ingress, clock)
-    own.nice = told.nice = 7
+    own, reported = busy_node(ingress, clock), busy_node(ingress, clock)
+    own.nice = reported.nice = 7
     executor.add_node(own)
-    executor.add_node(told, nice=-3)
-    executor.add_node(told, nice=19)  # it is there already
+    executor.add_node(reported, nice=-3)
+    executor.add_node(reported, nice=19)  # it is there already
     assert [row.nice for row in executor.report()] == [7, -3]
     executor.renice(own, 2)
     assert executor.report()[0].weight == weight_of(2)
@@ -110,13 +110,13 @@ def test_a_node_has_its_nice_level_itself_unless_it_is_told_another(ingress, clo
 def test_a_timer_does_not_keep_its_own_nodes_samples_out(ingress, clock):
     executor = simulated(clock)
     node = busy_node(ingress, clock)
-    heard: list[Any] = []
-    node.listen("a", lambda item: heard.append(item.value))
+    received: list[Any] = []
+    node.listen("a", lambda item: received.append(item.value))
     executor.add_node(node)
     clock.advance(0.001)
     ingress.put(Item("a", 1))
     run_for(executor, clock, 0.1)
-    assert heard == [1]
+    assert received == [1]
 
 
 def test_callbacks_that_raise_are_logged_and_charged(ingress, clock, caplog):
@@ -217,7 +217,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
     blocker, critical = SmallNode(ingress, SystemClock()), SmallNode(ingress, SystemClock())
     blocked, leave = threading.Event(), threading.Event()
     ticks: list[str] = []
-    heard: list[Any] = []
+    received: list[Any] = []
 
     def block() -> None:
         blocked.set()
@@ -225,7 +225,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
 
     blocker.timers.add(0.001, block)
     critical.timers.add(0.001, lambda: ticks.append(threading.current_thread().name))
-    critical.listen("a", lambda item: heard.append(item.value))
+    critical.listen("a", lambda item: received.append(item.value))
     executor.add_node(blocker)
     executor.add_node(critical, critical=True)
     assert executor.report()[1].realtime == "not started"
@@ -235,7 +235,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
         assert blocked.wait(60)
         ticks.clear()
         ingress.put(Item("a", 5))
-        wait_until(lambda: len(ticks) > 3 and heard == [5])
+        wait_until(lambda: len(ticks) > 3 and received == [5])
     assert set(ticks) == {"metaros-critical"}
     assert sys.getswitchinterval() == pytest.approx(0.0001)
     row = executor.report()[1]

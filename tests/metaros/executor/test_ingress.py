@@ -6,7 +6,7 @@ from collections import deque
 from typing import Any
 
 from metaros.executor import Ingress, Mailbox
-from metaros.executor.ingress import Desk
+from metaros.executor.ingress import ReadyQueue
 
 
 class Interrupted(deque[Any]):
@@ -27,15 +27,15 @@ class Interrupted(deque[Any]):
 
 
 def test_an_item_appended_while_the_mailbox_is_given_back_is_not_forgotten() -> None:
-    ingress, desk, node = Ingress(), Desk(), object()
-    ingress.claim(desk, [node])
+    ingress, ready_queue, node = Ingress(), ReadyQueue(), object()
+    ingress.claim(ready_queue, [node])
     mailbox = Mailbox(print, owner=node, depth=None, limit_bytes=1 << 20, size_of=lambda _: 1)
     pending = mailbox.pending = Interrupted(ingress)
     ingress.offer(mailbox)
-    assert ingress.take_ready(desk) == [mailbox]
+    assert ingress.take_ready(ready_queue) == [mailbox]
     pending.mailbox = mailbox
     ingress.requeue(mailbox)
     if pending.told:
         ingress.offer(mailbox)
-    assert ingress.take_ready(desk) == [mailbox]
+    assert ingress.take_ready(ready_queue) == [mailbox]
     ingress.close()

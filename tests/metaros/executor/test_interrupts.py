@@ -54,17 +54,17 @@ def test_spin_returns() -> None:
 
 
 def test_a_programs_own_handler_stays() -> None:
-    heard: list[int] = []
+    received: list[int] = []
 
     def own(number: int, _: object) -> None:
-        heard.append(number)
+        received.append(number)
 
     before = signal.signal(signal.SIGINT, own)
     try:
         with interrupts(lambda: None) as note:
             assert signal.getsignal(signal.SIGINT) is own
             signal.raise_signal(signal.SIGINT)
-        assert (heard, note.seen) == ([signal.SIGINT], False)
+        assert (received, note.seen) == ([signal.SIGINT], False)
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -19,8 +19,8 @@ from metaros.executor import (
     SingleThreadedExecutor,
     pool,
 )
-from tests.support.small_node import Item, SmallNode
-from tests.support.threads import left_behind, threads_now
+from tests.support.nodes.small_node import Item, SmallNode
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 
@@ -110,14 +110,14 @@ def test_reentrant_callbacks_overlap_with_themselves(node, spinning):
 
 
 def test_many_items_each_come_once_and_in_order(node, spinning):
-    heard: dict[str, list[int]] = {"a": [], "b": []}
-    node.listen("a", lambda item: heard["a"].append(item.value), depth=None)
-    node.listen("b", lambda item: heard["b"].append(item.value), depth=None, group=MutuallyExclusiveCallbackGroup())
+    received: dict[str, list[int]] = {"a": [], "b": []}
+    node.listen("a", lambda item: received["a"].append(item.value), depth=None)
+    node.listen("b", lambda item: received["b"].append(item.value), depth=None, group=MutuallyExclusiveCallbackGroup())
     for number in range(500):
         node.ingress.put(Item("a", number))
         node.ingress.put(Item("b", number))
-    wait_until(lambda: all(len(got) == 500 for got in heard.values()))
-    assert heard == {"a": list(range(500)), "b": list(range(500))}
+    wait_until(lambda: all(len(got) == 500 for got in received.values()))
+    assert received == {"a": list(range(500)), "b": list(range(500))}
 
 
 def test_a_timer_goes_on_while_another_group_is_blocked(node, spinning):
@@ -199,7 +199,7 @@ def test_async_callbacks_of_a_reentrant_group_overlap(node, spinning, monkeypatc
 
 
 def test_callbacks_that_raise_end_nothing(node, spinning, caplog):
-    heard = threading.Event()
+    received = threading.Event()
 
     def fail(item: Item) -> None:
         raise RuntimeError("no")
@@ -209,19 +209,19 @@ def test_callbacks_that_raise_end_nothing(node, spinning, caplog):
 
     node.listen("a", fail)
     node.listen("a", fail_later)
-    node.listen("b", lambda item: heard.set())
+    node.listen("b", lambda item: received.set())
     node.timers.add(0.001, lambda: 1 / 0)
     for _ in range(5):
         node.ingress.put(Item("a"))
     wait_until(lambda: all(text in caplog.text for text in ("Error: no", "async no", "ZeroDivisionError")))
     node.ingress.put(Item("b"))
-    assert heard.wait(60)
+    assert received.wait(60)
 
 
 def test_what_it_had_not_begun_goes_to_the_next_executor(node):
-    gate, heard = Gate(), []
+    gate, received = Gate(), []
     node.listen("a", gate)
-    node.listen("b", lambda item: heard.append(item.value))
+    node.listen("b", lambda item: received.append(item.value))
     executor = MultiThreadedExecutor(threads=1)
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin)
@@ -235,8 +235,8 @@ def test_what_it_had_not_begun_goes_to_the_next_executor(node):
     assert not thread.is_alive()
     following = SingleThreadedExecutor()
     following.add_node(node)
-    wait_until(lambda: following.spin_once(0.01) or heard)
-    assert heard == [7]
+    wait_until(lambda: following.spin_once(0.01) or received)
+    assert received == [7]
     following.shutdown()
 
 
@@ -264,21 +264,21 @@ def test_a_pool_needs_a_thread():
 
 @pytest.mark.parametrize("group_class", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
 def test_what_a_worker_takes_after_the_stop_is_left_to_the_next_executor(node, group_class):
-    heard: list[int] = []
-    box = node.listen("a", lambda item: heard.append(item.value))
+    received: list[int] = []
+    box = node.listen("a", lambda item: received.append(item.value))
     first, group = MultiThreadedExecutor(threads=1), group_class()
     box.pending.append(Item("a", 1))
-    box.queued = True  # it was taken off its desk
+    box.queued = True  # it was taken off its ready queue
     first.shutdown()
     job = pool._Job(box, group)
     assert group.enter(job)
     first._jobs.put(job)
     first._jobs.put(None)
     first._labour()  # as one of its threads does
-    assert (heard, len(box.pending)) == ([], 1)
+    assert (received, len(box.pending)) == ([], 1)
     assert group.enter(job)  # its place in the group is free again
     following = SingleThreadedExecutor()
     following.add_node(node)
     following.spin_once(0)
-    assert heard == [1]
+    assert received == [1]
     following.shutdown()

@@ -14,7 +14,7 @@ from metaros.executor import (
     MultiThreadedExecutor,
     SingleThreadedExecutor,
 )
-from tests.support.small_node import Item, SmallNode
+from tests.support.nodes.small_node import Item, SmallNode
 from tests.support.waiting import wait_until
 
 COUNT = 2000
@@ -29,13 +29,13 @@ def test_every_kind_of_executor_shares_an_ingress():
         FairExecutor(),
         SingleThreadedExecutor(),
     ]
-    heard: list[list[int]] = []
+    received: list[list[int]] = []
     ticks = [0] * (len(executors) + 1)
     nodes = [SmallNode(ingress, SystemClock()) for _ in ticks]
     nodes[3].critical = True
     for number, node in enumerate(nodes):
         got: list[int] = []
-        heard.append(got)
+        received.append(got)
 
         def plain(item: Item, got: list[int] = got) -> None:
             got.append(item.value)
@@ -60,11 +60,11 @@ def test_every_kind_of_executor_shares_an_ingress():
         ingress.put(Item("a", number))
         if number % 100 == 0:
             threading.Event().wait(0.001)
-    wait_until(lambda: all(len(got) == COUNT for got in heard) and all(count > 3 for count in ticks))
+    wait_until(lambda: all(len(got) == COUNT for got in received) and all(count > 3 for count in ticks))
     for executor in (*executors, in_loop):
         executor.shutdown()
     for thread in threads:
         thread.join(60)
         assert not thread.is_alive()
     ingress.close()
-    assert heard == [list(range(COUNT))] * len(nodes)
+    assert received == [list(range(COUNT))] * len(nodes)

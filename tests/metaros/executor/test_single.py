@@ -12,8 +12,8 @@ import pytest
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ClosedError, UsageError
 from metaros.executor import Ingress, SingleThreadedExecutor
-from metaros.executor.switching import shorten_switch_interval
-from tests.support.small_node import Item, SmallNode
+from metaros.executor.switch_interval import shorten_switch_interval
+from tests.support.nodes.small_node import Item, SmallNode
 from tests.support.waiting import wait_until
 
 
@@ -54,7 +54,7 @@ def test_items_reach_every_listener_of_their_key_in_order(node, executor):
     assert node.ingress.unrouted == 1
 
 
-def test_spin_once_waits_only_as_long_as_told(executor):
+def test_spin_once_waits_only_as_long_as_reported(executor):
     assert executor.spin_once(0.01) is False
 
 
@@ -189,17 +189,17 @@ def test_spin_ends_when_its_nodes_are_closed(node, executor):
 
 def test_only_the_executors_own_nodes_are_served(ingress, node, executor):
     other = SmallNode(ingress, SystemClock())
-    heard: list[str] = []
-    node.listen("a", lambda item: heard.append("node"))
-    other.listen("a", lambda item: heard.append("other"))
+    received: list[str] = []
+    node.listen("a", lambda item: received.append("node"))
+    other.listen("a", lambda item: received.append("other"))
     ingress.put(Item("a"))
     executor.spin_once(0.1)
     executor.spin_once(0)
-    assert heard == ["node"]
+    assert received == ["node"]
     executor.add_node(other)
     executor.remove_node(node)
     executor.spin_once(0.1)
-    assert heard == ["node", "other"]
+    assert received == ["node", "other"]
 
 
 def test_misuse_is_named(node, executor):
@@ -245,43 +245,43 @@ def test_executors_of_one_context_share_its_ingress(ingress, node, executor):
     other = SmallNode(ingress, SystemClock())
     second = SingleThreadedExecutor()
     second.add_node(other)
-    heard: dict[str, list[Any]] = {"node": [], "other": []}
-    node.listen("a", lambda item: heard["node"].append((item.value, threading.current_thread())))
-    other.listen("a", lambda item: heard["other"].append((item.value, threading.current_thread())))
+    received: dict[str, list[Any]] = {"node": [], "other": []}
+    node.listen("a", lambda item: received["node"].append((item.value, threading.current_thread())))
+    other.listen("a", lambda item: received["other"].append((item.value, threading.current_thread())))
     threads = [threading.Thread(target=each.spin) for each in (executor, second)]
     for thread in threads:
         thread.start()
     for number in range(200):
         ingress.put(Item("a", number))
-        wait_until(lambda number=number: all(len(got) == number + 1 for got in heard.values()), every_s=0.0005)
+        wait_until(lambda number=number: all(len(got) == number + 1 for got in received.values()), every_s=0.0005)
     executor.shutdown()
     second.shutdown()
     for thread in threads:
         thread.join(60)
         assert not thread.is_alive()
     for name, thread in zip(("node", "other"), threads, strict=True):
-        assert heard[name] == [(number, thread) for number in range(200)]
+        assert received[name] == [(number, thread) for number in range(200)]
 
 
 def test_an_executor_hears_while_the_other_one_is_stuck(ingress, node, executor):
     other = SmallNode(ingress, SystemClock())
     second = SingleThreadedExecutor()
     second.add_node(other)
-    stuck, leave, heard = threading.Event(), threading.Event(), threading.Event()
+    stuck, leave, received = threading.Event(), threading.Event(), threading.Event()
 
     def block(item: Item) -> None:
         stuck.set()
         leave.wait(60)
 
     node.listen("block", block)
-    other.listen("a", lambda item: heard.set())
+    other.listen("a", lambda item: received.set())
     threads = [threading.Thread(target=each.spin) for each in (executor, second)]
     for thread in threads:
         thread.start()
     ingress.put(Item("block"))
     assert stuck.wait(60)
     ingress.put(Item("a"))
-    assert heard.wait(60)
+    assert received.wait(60)
     leave.set()
     for each, thread in zip((executor, second), threads, strict=True):
         each.shutdown()

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from metaros.bundle import BundleError, read_bundle, target_path, version_key
-from tests.support.bundles import WHEEL, make_bundle
+from metaros.fleet.bundle import BundleError, read_bundle, target_path, version_key
+from tests.support.deployment.bundles import WHEEL, make_bundle
 
 
 def test_a_bundle_says_what_it_is(tmp_path: Path) -> None:

@@ -324,7 +324,7 @@ BAD: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 
 
 @cases(("hints", "values", "message"), BAD)
-def test_what_cannot_be_mapped_is_told_with_class_and_field(
+def test_what_cannot_be_mapped_is_reported_with_class_and_field(
     hints: dict[str, Any], values: dict[str, Any], message: str
 ) -> None:
     cls = type("Bad", (), {"__annotations__": hints, "__module__": __name__, **values})
@@ -401,9 +401,14 @@ def test_rosbags_reads_the_definition_and_agrees_on_the_hash() -> None:
     store.register(types)
     assert store.hash_rihs01("tests/msg/Battery") == Battery.__metaros_hash__
     data = codec(Battery).encode(Battery(names=["a"], temps=[1.5], ids=(3, 4)))
-    heard = store.deserialize_cdr(data, "tests/msg/Battery")
-    assert (heard.colour, heard.temps.tolist(), heard.ids.tolist(), heard.label) == ("blue", [1.5], [3, 4], "hi")
-    assert bytes(store.serialize_cdr(heard, "tests/msg/Battery")) == data
+    received = store.deserialize_cdr(data, "tests/msg/Battery")
+    assert (received.colour, received.temps.tolist(), received.ids.tolist(), received.label) == (
+        "blue",
+        [1.5],
+        [3, 4],
+        "hi",
+    )
+    assert bytes(store.serialize_cdr(received, "tests/msg/Battery")) == data
 
 
 def test_a_shipped_type_rebuilt_keeps_its_shipped_class_for_all_others() -> None:

@@ -1,4 +1,4 @@
-"""Compressed batches: what comes back, and what is refused before anything is expanded."""
+"""Compressed batches: what comes back, and what is refused before anything is decompressed."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import pytest
 
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
-from metaros.link import expand, pack_batch, squeeze
+from metaros.link import compress, decompress, pack_batch
 from tests.support.tables import cases
 
 WHOLE = pack_batch(1, 1, 12, [3], [bytes(range(64)) * 8])
 
 
 def test_a_batch_comes_back_as_it_was() -> None:
-    small = link_pb2.Batch.FromString(squeeze(WHOLE.SerializeToString(), "zstd"))
+    small = link_pb2.Batch.FromString(compress(WHOLE.SerializeToString(), "zstd"))
     assert small.compression == link_pb2.COMPRESSION_ZSTD
     assert len(small.payload) < len(WHOLE.payload) / 2
-    assert expand(small) == WHOLE
-    assert expand(WHOLE) is WHOLE
+    assert decompress(small) == WHOLE
+    assert decompress(WHOLE) is WHOLE
 
 
 @cases(
@@ -32,8 +32,8 @@ def test_a_batch_comes_back_as_it_was() -> None:
     ],
 )
 def test_a_broken_one_is_refused(change: dict[str, object], words: str) -> None:
-    small = link_pb2.Batch.FromString(squeeze(WHOLE.SerializeToString(), "zstd"))
+    small = link_pb2.Batch.FromString(compress(WHOLE.SerializeToString(), "zstd"))
     for name, value in change.items():
         setattr(small, name, value)
     with pytest.raises(FrameError, match=words):
-        expand(small)
+        decompress(small)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from metaros.cdr import codec
 from metaros.convert import video_packet
 from metaros.interfaces.foxglove_msgs.msg import CompressedVideo
-from metaros.video_frames import VIDEO_TYPES, Frame, GroupGate, frame_of, is_key
-from tests.support.video import COMPRESSED_VIDEO, access_units, key_numbers, pictures, video_message
+from metaros.link.video_frames import VIDEO_TYPES, Frame, GroupGate, frame_of, is_key
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, key_numbers, pictures, video_message
 
 PACKET = "metaros_msgs/msg/VideoPacket"
 UNITS = access_units(24, group=6)

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from metaros.errors import ConfigError
 from metaros.mcap import COMPRESSIONS, McapFile
-from tests.support.bags import SmallDisk
+from tests.support.nodes.bags import SmallDisk
 
 
 def fill(file: McapFile[int], count: int, *, size: int = 100) -> int:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
-from tests.support.contexts import SharedContexts
-from tests.support.routers import zenoh_router as started_router
+from tests.support.nodes.contexts import SharedContexts
+from tests.support.servers.routers import zenoh_router as started_router
 
 
 @pytest.fixture(scope="session")

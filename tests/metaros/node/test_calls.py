@@ -16,7 +16,7 @@ import metaros
 from metaros.errors import ClosedError, PeerError, TimeoutError_, UnavailableError, UsageError
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
 from metaros.interfaces.std_srvs.srv import Trigger
-from metaros.node.call import Call
+from metaros.node.pending_call import PendingCall
 from tests.support.waiting import wait_until
 
 
@@ -184,7 +184,7 @@ def test_closing_the_client_ends_its_calls(server, client_node):
         client.call(Trigger.Request())
 
 
-def test_a_plain_callback_may_call_another_process_and_is_told_when_it_would_wait_for_itself(adder, client_node):
+def test_a_plain_callback_may_call_another_process_and_is_reported_when_it_would_wait_for_itself(adder, client_node):
     own = client_node.create_client(AddTwoInts, "~/own")
     client_node.create_service(AddTwoInts, "~/own", add)
     sums: list[int] = []
@@ -242,7 +242,7 @@ def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node,
 
 def test_who_asks_to_be_woken_after_the_end_is_woken_at_once():
     woken: list[str] = []
-    call = Call("/add", 1, bytes(16), 60.0)
+    call = PendingCall("/add", 1, bytes(16), 60.0)
     call.when_finished(lambda: woken.append("before"))
     assert woken == []
     call.cancel()

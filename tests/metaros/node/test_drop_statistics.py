@@ -7,17 +7,17 @@ from collections.abc import Callable
 from typing import Any
 
 import metaros
-from metaros.cli.top_drops import DropRow, ask, drop_rows
+from metaros.cli.top.drops import DropRow, ask, drop_rows
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS
-from metaros.node.drops import drops_key
+from metaros.node.drop_statistics import drops_key
 from metaros.wire import Congestion, QoSProfile
 from tests.support.waiting import wait_until
 
 _SENT = 400
 
 
-def told(context: metaros.Context, topic: str, fits: Callable[[Any], object] = bool) -> dict[str, Any]:
+def reported(context: metaros.Context, topic: str, fits: Callable[[Any], object] = bool) -> dict[str, Any]:
     """What the context `context` hears about a subscription on `topic`, once it fits."""
     found: list[dict[str, Any]] = []
 
@@ -29,14 +29,14 @@ def told(context: metaros.Context, topic: str, fits: Callable[[Any], object] = b
     return found[-1]
 
 
-def test_a_slow_subscription_keeps_to_its_depth_and_the_rest_is_told_as_dropped(here, there):
+def test_a_slow_subscription_keeps_to_its_depth_and_the_rest_is_reported_as_dropped(here, there):
     with metaros.Node("fast", context=here) as fast, metaros.Node("slow", context=there) as slow:
         subscription = slow.create_subscription(String, "/flood", lambda _: None, QoSProfile(depth=7))
         publisher = fast.create_publisher(String, "/flood", QoSProfile(depth=7, congestion=Congestion.BLOCK))
         wait_until(lambda: publisher.events.matched)
         for number in range(_SENT):
             publisher.publish(String(data=f"{number:04}"))
-        row = told(here, "/flood", lambda row: row["dropped"] == _SENT - 7)
+        row = reported(here, "/flood", lambda row: row["dropped"] == _SENT - 7)
         assert (row["node"], row["depth"], row["queued"], row["lost"]) == ("/slow", 7, 7, 0)
         assert row["queued_bytes"] == 7 * len(b"\0\1\0\0" + b"\5\0\0\0" + b"0000\0")
         assert subscription.dropped == _SENT - 7
@@ -54,12 +54,12 @@ def test_a_deep_queue_is_bounded_in_bytes(here, there):
         wait_until(lambda: publisher.events.matched)
         for _ in range(24):
             publisher.publish(b"\0\1\0\0" + bytes(size))
-        row = told(here, "/big", lambda row: row["dropped"] + row["queued"] == 24)
+        row = reported(here, "/big", lambda row: row["dropped"] + row["queued"] == 24)
         assert row["dropped"] > 0
         assert row["queued_bytes"] <= LIMITS.ingress_bytes
 
 
-def test_without_subscriptions_nobody_answers_and_a_closed_one_is_told_no_more(island):
+def test_without_subscriptions_nobody_answers_and_a_closed_one_is_reported_no_more(island):
     with (
         metaros.Context(domain_id=0, connect=island) as here,
         metaros.Context(domain_id=0, connect=island) as there,
@@ -67,7 +67,7 @@ def test_without_subscriptions_nobody_answers_and_a_closed_one_is_told_no_more(i
     ):
         assert ask(here.session) == []
         with bare.create_subscription(String, "/a", lambda _: None):
-            told(here, "/a")
+            reported(here, "/a")
         wait_until(lambda: ask(here.session) == [b"[]"])
     assert drops_key(3) == "@metaros/3/*/subscriptions"
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from load_tests.bench_memory import run
+from load_tests.benchmarks.library.memory import run
 from tests.support.ports import free_port
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
@@ -61,7 +61,7 @@ def test_a_node_with_twenty_subscriptions_that_hear_has_at_most_six_threads():
 
 @pytest.mark.integration
 def test_many_messages_leave_nothing_behind():
-    """A smaller `python -m load_tests.bench_memory`: 200 s of 1 kHz."""
+    """A smaller `python -m load_tests memory`: 200 s of 1 kHz."""
     for sizes in run("typed", 200_000).values():
         assert len(sizes) >= 19
         assert sizes[-1] - sizes[len(sizes) // 4] < 32 << 20  # a leak of 220 bytes a message would be more

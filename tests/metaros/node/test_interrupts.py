@@ -12,7 +12,7 @@ from metaros.executor import SingleThreadedExecutor
 from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.wire import Durability, QoSProfile
-from tests.support.interrupts import interrupt_inside
+from tests.support.nodes.interrupts import interrupt_inside
 from tests.support.waiting import wait_until
 
 KEPT = QoSProfile(depth=10, durability=Durability.TRANSIENT_LOCAL)
@@ -45,18 +45,20 @@ def test_a_token_declared_here(context: metaros.Context, capfd: pytest.CaptureFi
 def test_a_sample_for_a_subscription_of_this_program(
     context: metaros.Context, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    heard: list[str] = []
+    received: list[str] = []
     with metaros.Node("n", context=context, enable_rosout=False) as node:
-        node.create_subscription(String, "map", lambda message: heard.append(message.data), KEPT)
+        node.create_subscription(String, "map", lambda message: received.append(message.data), KEPT)
         publisher = node.create_publisher(String, "map", KEPT)
         publisher.publish(String(data="first"))
-        spin_until(node, lambda: heard == ["first"])  # before, Zenoh's history may swallow samples: docs/topics/qos.md
+        spin_until(
+            node, lambda: received == ["first"]
+        )  # before, Zenoh's history may swallow samples: docs/topics/qos.md
         for number in range(5):
             with pytest.raises(KeyboardInterrupt):
                 interrupt_inside(lambda n=number: publisher.publish(String(data=str(n))))  # type: ignore[misc]
-        spin_until(node, lambda: len(heard) == 6)
+        spin_until(node, lambda: len(received) == 6)
     assert "callback error" not in capfd.readouterr().err
-    assert heard == ["first", *"01234"]
+    assert received == ["first", *"01234"]
 
 
 def test_a_request_for_a_service_of_this_program(context: metaros.Context, capfd: pytest.CaptureFixture[str]) -> None:

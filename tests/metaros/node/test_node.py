@@ -14,8 +14,8 @@ from metaros.interfaces.rcl_interfaces.msg import Log
 from metaros.interfaces.std_msgs.msg import String
 from metaros.node import Logger
 from metaros.wire import qos_rosout
-from tests.support.forked import ended, forked
-from tests.support.threads import left_behind, threads_now
+from tests.support.processes.forked import ended, forked
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 

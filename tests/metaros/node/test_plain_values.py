@@ -15,7 +15,7 @@ import metaros
 from metaros.errors import DecodeError, FieldError, UsageError
 from metaros.interfaces.metaros_msgs.msg import Json
 from metaros.interfaces.std_msgs.msg import String
-from metaros.node.payloads import PLAIN, payload_of
+from metaros.node.plain_values import PLAIN, value_codec_of
 from tests.support.waiting import wait_until
 
 VALUES: list[tuple[Any, Any]] = [
@@ -90,16 +90,16 @@ def test_other_values_are_refused_before_they_go(here, kind, value, message):
 
 
 def test_numbers_of_numpy_are_numbers():
-    assert payload_of(int).decode(payload_of(int).encode(np.int32(7))) == 7
-    assert payload_of(float).decode(payload_of(float).encode(np.float32(0.5))) == 0.5
-    assert payload_of(bytes).encode(memoryview(b"ab")) == payload_of(bytes).encode(b"ab")
+    assert value_codec_of(int).decode(value_codec_of(int).encode(np.int32(7))) == 7
+    assert value_codec_of(float).decode(value_codec_of(float).encode(np.float32(0.5))) == 0.5
+    assert value_codec_of(bytes).encode(memoryview(b"ab")) == value_codec_of(bytes).encode(b"ab")
 
 
 @pytest.mark.parametrize("text", ["{", "[1]", "NaN", '{"a": Infinity}', '{"a": 1e999}', "[" * 100_000])
 def test_json_of_a_careless_peer_is_a_decode_error(text):
-    data = payload_of(Json).encode(Json(data=text))
+    data = value_codec_of(Json).encode(Json(data=text))
     with pytest.raises(DecodeError):
-        payload_of(dict).decode(data)
+        value_codec_of(dict).decode(data)
 
 
 class Plain:
@@ -132,7 +132,7 @@ JSON = st.recursive(
 @given(st.dictionaries(st.text(st.characters(exclude_categories=["Cs"]), max_size=6), JSON, max_size=4))
 def test_any_json_object_comes_back(value):
     try:
-        data = payload_of(dict).encode(value)
+        data = value_codec_of(dict).encode(value)
     except FieldError:  # lone surrogates in keys
         return
-    assert payload_of(dict).decode(data) == value
+    assert value_codec_of(dict).decode(data) == value

@@ -19,7 +19,7 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.wire import Durability, Liveliness, QoSProfile, Reliability, pack_attachment
 from metaros.wire.qos import INFINITE_NS
-from tests.support.processes import started
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until
 
 BEST_EFFORT = QoSProfile(reliability=Reliability.BEST_EFFORT)
@@ -78,16 +78,16 @@ def manual(lease_s: float) -> QoSProfile:
 
 
 def test_peers_that_come_leave_and_come_back_are_counted_on_both_ends(listener, talker):
-    heard: list[Any] = []
+    received: list[Any] = []
     said: list[Any] = []
     until = spinning(listener, talker)
-    sub = listener.create_subscription(String, "/t", print, events=SubscriptionEvents(matched=heard.append))
+    sub = listener.create_subscription(String, "/t", print, events=SubscriptionEvents(matched=received.append))
     for count in (1, 2):
         pub = talker.create_publisher(String, "/t", events=PublisherEvents(matched=said.append))
         until(lambda: sub.events.matched == 1 and len(said) == count)  # noqa: B023
         pub.close()
-        until(lambda: len(heard) == 2 * count)  # noqa: B023
-    assert [(e.node, e.total, e.change, e.current, e.current_change) for e in heard] == [
+        until(lambda: len(received) == 2 * count)  # noqa: B023
+    assert [(e.node, e.total, e.change, e.current, e.current_change) for e in received] == [
         ("/talker", 1, 1, 1, 1),
         ("/talker", 1, 0, 0, -1),
         ("/talker", 2, 1, 1, 1),
@@ -96,16 +96,16 @@ def test_peers_that_come_leave_and_come_back_are_counted_on_both_ends(listener, 
     assert {(e.node, e.total, e.current) for e in said} == {("/listener", 1, 1)}
 
 
-def test_incompatible_qos_is_told_on_both_ends_with_names_and_policies(listener, talker):
-    heard: list[Any] = []
+def test_incompatible_qos_is_reported_on_both_ends_with_names_and_policies(listener, talker):
+    received: list[Any] = []
     said: list[Any] = []
     until = spinning(listener, talker)
     pub = talker.create_publisher(String, "/t", BEST_EFFORT, events=PublisherEvents(incompatible_qos=said.append))
     sub = listener.create_subscription(
-        String, "/t", print, QoSProfile(deadline_ns=10**9), events=SubscriptionEvents(incompatible_qos=heard.append)
+        String, "/t", print, QoSProfile(deadline_ns=10**9), events=SubscriptionEvents(incompatible_qos=received.append)
     )
-    until(lambda: heard and said)
-    for events, node in ((heard, "/talker"), (said, "/listener")):
+    until(lambda: received and said)
+    for events, node in ((received, "/talker"), (said, "/listener")):
         (event,) = events
         assert (event.topic, event.node, event.total, event.change) == ("/t", node, 1, 1)
         assert event.policies == ("reliability", "deadline")
@@ -135,17 +135,17 @@ def test_without_callbacks_both_ends_warn_once_here_and_on_rosout(listener, talk
     assert capfd.readouterr().err.count("qos_mismatch: /t:") == 2
 
 
-def test_another_definition_of_the_type_is_told_on_both_ends(listener, talker):
-    heard: list[Any] = []
+def test_another_definition_of_the_type_is_reported_on_both_ends(listener, talker):
+    received: list[Any] = []
     said: list[Any] = []
     until = spinning(listener, talker)
-    events = SubscriptionEvents(type_hash_mismatch=heard.append)
+    events = SubscriptionEvents(type_hash_mismatch=received.append)
     listener.create_raw_publisher("/else", "std_msgs/msg/String", OTHER_HASH)
     talker.create_publisher(String, "/else", events=PublisherEvents(type_hash_mismatch=said.append))
     listener.create_subscription(String, "/t", print, events=events)
     talker.create_raw_publisher("/t", "std_msgs/msg/String", OTHER_HASH)
-    until(lambda: heard)
-    assert (heard[0].node, heard[0].type_name, heard[0].peer_type_hash) == (
+    until(lambda: received)
+    assert (received[0].node, received[0].type_name, received[0].peer_type_hash) == (
         "/talker",
         "std_msgs/msg/String",
         OTHER_HASH,
@@ -175,7 +175,7 @@ def test_event_callbacks_may_be_async_and_may_fail(listener, talker, caplog):
 # -- samples -----------------------------------------------------------------------------------------------------------
 
 
-def test_lost_samples_are_told_and_those_that_our_own_history_pushed_out_are_not(listener, talker):
+def test_lost_samples_are_reported_and_those_that_our_own_history_pushed_out_are_not(listener, talker):
     events: list[Any] = []
     got: list[str] = []
     until = spinning(listener)
@@ -248,22 +248,22 @@ def test_a_late_subscription_gets_what_a_raw_advanced_publisher_kept(listener, t
 # -- time --------------------------------------------------------------------------------------------------------------
 
 
-def test_missed_deadlines_are_told_on_both_ends(listener, talker):
-    heard: list[Any] = []
+def test_missed_deadlines_are_reported_on_both_ends(listener, talker):
+    received: list[Any] = []
     said: list[Any] = []
     until = spinning(listener, talker)
     qos = QoSProfile(deadline_ns=50_000_000)
     pub = talker.create_publisher(String, "/t", qos, events=PublisherEvents(deadline_missed=said.append))
-    options = SubscriptionEvents(deadline_missed=heard.append)
+    options = SubscriptionEvents(deadline_missed=received.append)
     sub = listener.create_subscription(String, "/t", lambda m: None, qos, events=options)
     until(lambda: sub.events.matched and pub.events.matched)
     assert (pub.events.deadline_missed, sub.events.deadline_missed) == (0, 0)
     pub.publish(String(data="x"))
-    until(lambda: len(heard) >= 2 and len(said) >= 2)
-    assert {event.node for event in heard} == {"/talker"}
-    for events in (heard, said):
+    until(lambda: len(received) >= 2 and len(said) >= 2)
+    assert {event.node for event in received} == {"/talker"}
+    for events in (received, said):
         assert [event.total for event in events] == [sum(e.change for e in events[: n + 1]) for n in range(len(events))]
-    assert sub.events.deadline_missed >= heard[-1].total
+    assert sub.events.deadline_missed >= received[-1].total
 
 
 def test_deadlines_are_counted_without_an_executor(zenoh_router):
@@ -304,7 +304,7 @@ def test_samples_that_wait_for_a_busy_executor_came_in_time(zenoh_router):
 
 def test_manual_liveliness_is_kept_by_samples_and_by_saying_so(zenoh_router):
     clocks = ManualClock(), ManualClock()
-    heard: list[Any] = []
+    received: list[Any] = []
     said: list[Any] = []
     samples: list[Any] = []
     with (
@@ -314,30 +314,30 @@ def test_manual_liveliness_is_kept_by_samples_and_by_saying_so(zenoh_router):
         listener = metaros.Node("listener", context=here, enable_rosout=False)
         talker = metaros.Node("talker", context=there, enable_rosout=False)
         until = spinning(listener, talker)
-        events = SubscriptionEvents(liveliness_changed=heard.append)
+        events = SubscriptionEvents(liveliness_changed=received.append)
         sub = listener.create_subscription(String, "/t", samples.append, manual(2.0), events=events)
         pub = talker.create_publisher(String, "/t", manual(1.0), events=PublisherEvents(liveliness_lost=said.append))
-        until(lambda: sub.events.matched and pub.events.matched and heard)
+        until(lambda: sub.events.matched and pub.events.matched and received)
 
         def go_on(seconds: float) -> None:
             for clock in clocks:
                 clock.advance(seconds)
 
         go_on(1.1)
-        until(lambda: len(heard) == 2 and said)
+        until(lambda: len(received) == 2 and said)
         assert (sub.events.alive, sub.events.not_alive) == (0, 1)
         # The router may forward to the listener a moment later than both ends have found each other.
-        until(lambda: len(heard) == 3 or pub.assert_liveliness())
+        until(lambda: len(received) == 3 or pub.assert_liveliness())
         go_on(0.8)
         pub.publish(String(data="x"))
-        got = len(heard)
+        got = len(received)
         until(lambda: samples)
         go_on(0.8)
         until(lambda: True)
-        assert len(heard) == got
+        assert len(received) == got
         pub.close()
-        until(lambda: len(heard) == 4)
-    assert [(e.node, e.alive, e.alive_change, e.not_alive, e.not_alive_change) for e in heard] == [
+        until(lambda: len(received) == 4)
+    assert [(e.node, e.alive, e.alive_change, e.not_alive, e.not_alive_change) for e in received] == [
         ("/talker", 1, 1, 0, 0),
         ("/talker", 0, -1, 1, 1),
         ("/talker", 1, 1, 0, -1),
@@ -359,17 +359,17 @@ PUBLISHER = """
 
 @pytest.mark.integration
 def test_a_killed_publisher_is_no_longer_alive(listener, zenoh_router):
-    heard: list[Any] = []
+    received: list[Any] = []
     matched: list[Any] = []
     until = spinning(listener)
-    events = SubscriptionEvents(liveliness_changed=heard.append, matched=matched.append)
+    events = SubscriptionEvents(liveliness_changed=received.append, matched=matched.append)
     sub = listener.create_subscription(String, "/t", print, events=events)
     for round_ in (1, 2):
         with started([sys.executable, "-c", textwrap.dedent(PUBLISHER), zenoh_router]) as process:
             until(lambda: sub.events.alive == 1)
             process.kill()
-        until(lambda: len(heard) == 2 * round_ and len(matched) == 2 * round_)  # noqa: B023
-    assert [(e.node, e.alive, e.alive_change) for e in heard] == [("/victim", 1, 1), ("/victim", 0, -1)] * 2
+        until(lambda: len(received) == 2 * round_ and len(matched) == 2 * round_)  # noqa: B023
+    assert [(e.node, e.alive, e.alive_change) for e in received] == [("/victim", 1, 1), ("/victim", 0, -1)] * 2
     assert [(e.total, e.current) for e in matched] == [(1, 1), (1, 0), (2, 1), (2, 0)]
 
 
@@ -425,18 +425,18 @@ def test_an_async_callback_gets_only_what_is_fresh(listener, talker):
 
 
 def test_deadlines_go_by_real_time_while_simulated_time_stands(here, there):
-    heard: list[Any] = []
+    received: list[Any] = []
     qos = QoSProfile(deadline_ns=50_000_000)
     with (
         metaros.Node("listener", context=here, use_sim_time=True) as listener,
         metaros.Node("talker", context=there) as talker,
     ):
         until = spinning(listener)
-        events = SubscriptionEvents(deadline_missed=heard.append)
+        events = SubscriptionEvents(deadline_missed=received.append)
         sub = listener.create_subscription(String, "/t", lambda message: None, qos, events=events)
         pub = talker.create_publisher(String, "/t", qos)
         wait_until(lambda: sub.events.matched and pub.events.matched)
         pub.publish(String(data="x"))
-        until(lambda: len(heard) >= 2)
+        until(lambda: len(received) >= 2)
         assert listener.clock.wall_ns() == 0
-    assert heard[1].total >= 2
+    assert received[1].total >= 2

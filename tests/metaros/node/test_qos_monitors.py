@@ -14,10 +14,10 @@ from metaros.node.events import Matched, QoSIncompatible, TypeMismatch
 from metaros.node.events.deadline import DeadlineMonitor
 from metaros.node.events.liveliness import Lease, LivelinessMonitor
 from metaros.node.events.peers import Peers
-from metaros.node.events.publishing import lease_s
+from metaros.node.events.publisher_monitor import lease_s
 from metaros.wire import Durability, Liveliness, QoSProfile, Reliability, incompatibilities
+from metaros.wire.liveliness_tokens import EndpointToken, NodeToken
 from metaros.wire.qos import INFINITE_NS
-from metaros.wire.tokens import EndpointToken, NodeToken
 
 # -- deadline ----------------------------------------------------------------------------------------------------------
 
@@ -113,7 +113,7 @@ def test_publishers_by_token_are_alive_until_they_leave():
     assert monitor.add(b"a", "/a", None, 0.0) is None
     assert monitor.check(1e9) == []
     assert monitor.next_check_s() is None
-    assert monitor.heard(b"a", 1.0) is None
+    assert monitor.renew(b"a", 1.0) is None
     event = monitor.discard(b"a")
     assert event is not None
     assert (event.alive, event.alive_change, event.not_alive, event.not_alive_change) == (0, -1, 0, 0)
@@ -131,13 +131,13 @@ def test_publishers_with_a_lease_fall_silent_and_wake():
         ("/a", 2, -1, 1, 1),
         ("/b", 1, -1, 2, 1),
     ]
-    woke = monitor.heard(b"a", 2.0)
+    woke = monitor.renew(b"a", 2.0)
     assert woke is not None
     assert (woke.alive, woke.alive_change, woke.not_alive, woke.not_alive_change) == (2, 1, 1, -1)
     left = monitor.discard(b"b")
     assert left is not None
     assert (left.alive, left.alive_change, left.not_alive, left.not_alive_change) == (2, 0, 0, -1)
-    assert monitor.heard(b"unknown", 2.0) is None
+    assert monitor.renew(b"unknown", 2.0) is None
 
 
 @settings(max_examples=50)
@@ -152,7 +152,7 @@ def test_liveliness_counts_always_add_up(steps):
             event = {
                 "add": lambda g=gid, t=float(now_s): monitor.add(g, "/n", 3.0, t),
                 "gone": lambda g=gid: monitor.discard(g),
-                "heard": lambda g=gid, t=float(now_s): monitor.heard(g, t),
+                "heard": lambda g=gid, t=float(now_s): monitor.renew(g, t),
             }[step]()
             events = [] if event is None else [event]
         for event in events:
@@ -162,7 +162,7 @@ def test_liveliness_counts_always_add_up(steps):
         assert min(alive, not_alive) >= 0
 
 
-def test_only_manual_liveliness_with_a_finite_lease_must_be_heard():
+def test_only_manual_liveliness_with_a_finite_lease_must_be_received():
     assert lease_s(QoSProfile()) is None
     assert lease_s(QoSProfile(lease_ns=10**9)) is None
     assert lease_s(QoSProfile(liveliness=Liveliness.MANUAL_BY_TOPIC)) is None
@@ -261,6 +261,6 @@ def test_both_ends_come_to_the_same_verdict(offer, request_):
     requested = dataclasses.replace(offered, reliability=request_[0], durability=request_[1], liveliness=request_[2])
     publisher, subscription = endpoint("MP", node="p", qos=offered), endpoint("MS", node="s", eid=9, qos=requested)
     (there, _), (here, _) = Peers(publisher).add(subscription), Peers(subscription).add(publisher)
-    verdicts = [found.obstacle and found.obstacle.policies for found in (there, here)]
+    verdicts = [found.mismatch and found.mismatch.policies for found in (there, here)]
     assert verdicts[0] == verdicts[1]
     assert bool(verdicts[0]) == bool(incompatibilities(offered, requested))

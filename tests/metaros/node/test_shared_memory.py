@@ -15,7 +15,7 @@ import pytest
 import metaros
 from metaros.interfaces.sensor_msgs.msg import Image
 from metaros.wire import Durability, QoSProfile
-from tests.support import shm_end
+from tests.support.nodes import shm_peer
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
@@ -34,7 +34,7 @@ def sharing(island: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[metaros.Co
 @contextmanager
 def child(role: str, endpoint: str) -> Iterator[Any]:
     """A process at the other end, and its lines; killed at the end."""
-    command = [sys.executable, "-m", "tests.support.shm_end", role, endpoint, str(shm_end.POOL_BYTES)]
+    command = [sys.executable, "-m", "tests.support.nodes.shm_peer", role, endpoint, str(shm_peer.POOL_BYTES)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process
@@ -46,7 +46,7 @@ def child(role: str, endpoint: str) -> Iterator[Any]:
 def listening(context: metaros.Context, node: metaros.Node, qos: QoSProfile | int = 50) -> list[Any]:
     """What arrives on the topic, on a spinning executor of its own."""
     got: list[Any] = []
-    node.create_subscription(Image, shm_end.TOPIC, lambda message: got.append(message.data), qos)
+    node.create_subscription(Image, shm_peer.TOPIC, lambda message: got.append(message.data), qos)
     threading.Thread(target=metaros.spin, args=(node,), daemon=True).start()
     return got
 
@@ -58,13 +58,13 @@ def test_peers_with_and_without_it_get_the_same_through_a_router_that_has_none(s
         metaros.Node("receiver", context=other) as node,
     ):
         got = listening(other, node)
-        publisher = shm_end.publisher_of(sharing)
+        publisher = shm_peer.publisher_of(sharing)
         wait_until(lambda: publisher.events.matched)
         for number in range(5):
-            publisher.publish(shm_end.image(number))
+            publisher.publish(shm_peer.image(number))
         wait_until(lambda: len(got) == 5)
         assert [(int(data.min()), int(data.max()), len(data)) for data in got] == [
-            (number, number, shm_end.IMAGE_BYTES) for number in range(5)
+            (number, number, shm_peer.IMAGE_BYTES) for number in range(5)
         ]
         assert sharing.session.shared_pool.placed == 5
 
@@ -72,10 +72,10 @@ def test_peers_with_and_without_it_get_the_same_through_a_router_that_has_none(s
 def test_between_two_processes_it_is_shared_memory_indeed():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with metaros.Context(domain_id=0, connect=[], listen=endpoint, shared_memory="auto") as context:
-        publisher = shm_end.publisher_of(context)
+        publisher = shm_peer.publisher_of(context)
         with child("hold", endpoint) as holder:
             wait_until(lambda: publisher.events.matched)
-            publisher.publish(shm_end.image(1))
+            publisher.publish(shm_peer.image(1))
             assert holder.stdout.readline() == "shared\n"
 
 
@@ -86,9 +86,9 @@ def test_what_is_kept_for_late_subscriptions_is_not_in_the_pool(sharing, island)
         metaros.Node("early", context=sharing) as early,
         metaros.Node("late", context=other) as late,
     ):
-        publisher = early.create_publisher(Image, shm_end.TOPIC, kept)
+        publisher = early.create_publisher(Image, shm_peer.TOPIC, kept)
         for number in range(5):
-            publisher.publish(shm_end.image(number))
+            publisher.publish(shm_peer.image(number))
         got = listening(other, late, kept)
         # An older one may come as well: it was still on its way when the subscription began.
         wait_until(lambda: [int(data[0]) for data in got][-3:] == [2, 3, 4])
@@ -101,11 +101,11 @@ def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, is
         metaros.Node("slow", context=other) as slow,
     ):
         got: list[int] = []
-        slow.create_subscription(Image, shm_end.TOPIC, lambda message: got.append(int(message.data.max())), 50)
-        publisher = shm_end.publisher_of(sharing)
+        slow.create_subscription(Image, shm_peer.TOPIC, lambda message: got.append(int(message.data.max())), 50)
+        publisher = shm_peer.publisher_of(sharing)
         wait_until(lambda: publisher.events.matched)
         for number in range(20):
-            publisher.publish(shm_end.image(number))
+            publisher.publish(shm_peer.image(number))
         pool = sharing.session.shared_pool
         assert pool.placed > 0
         assert pool.placed + pool.refused == 20
@@ -119,17 +119,17 @@ def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, is
 def test_subscribers_killed_while_they_hold_memory_give_it_back():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with metaros.Context(domain_id=0, connect=[], listen=endpoint, shared_memory="auto") as context:
-        publisher, pool = shm_end.publisher_of(context), context.session.shared_pool
+        publisher, pool = shm_peer.publisher_of(context), context.session.shared_pool
 
         def all_there() -> bool:
-            placed = [pool.place(bytes(shm_end.IMAGE_BYTES)) for _ in range(6)]
+            placed = [pool.place(bytes(shm_peer.IMAGE_BYTES)) for _ in range(6)]
             return not any(isinstance(item, bytes) for item in placed)
 
         for _ in range(_KILLS):
             with child("hold", endpoint) as holder:
                 wait_until(lambda: publisher.events.matched)
                 for number in range(4):
-                    publisher.publish(shm_end.image(number))
+                    publisher.publish(shm_peer.image(number))
                 assert [holder.stdout.readline() for _ in range(4)] == ["shared\n"] * 4
             wait_until(lambda: not publisher.events.matched)
             wait_until(all_there)
@@ -140,7 +140,7 @@ def ours() -> set[str]:
     found = set()
     for name in os.listdir("/dev/shm"):
         with suppress(FileNotFoundError):
-            if os.stat(f"/dev/shm/{name}").st_size == shm_end.POOL_BYTES:
+            if os.stat(f"/dev/shm/{name}").st_size == shm_peer.POOL_BYTES:
                 found.add(name)
     return found
 

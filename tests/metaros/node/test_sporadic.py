@@ -14,12 +14,12 @@ import zenoh.ext
 import metaros
 from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import qos_transient_local
-from tests.support.forked import ended, forked
+from tests.support.processes.forked import ended, forked
 from tests.support.waiting import wait_until
 
 
 @contextmanager
-def heard(context: metaros.Context) -> Iterator[list[zenoh.Sample]]:
+def received(context: metaros.Context) -> Iterator[list[zenoh.Sample]]:
     """Every heartbeat that comes."""
     samples: list[zenoh.Sample] = []
     sink = zenoh.handlers.Callback(samples.append, indirect=False)
@@ -42,7 +42,7 @@ def shape(sample: zenoh.Sample) -> tuple[object, ...]:
 def test_a_heartbeat_is_the_one_that_zenoh_would_send(here, there):
     miss = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5)
     zenohs = zenoh.ext.declare_advanced_publisher(here.session.zenoh, "0/zenohs/x", sample_miss_detection=miss)
-    with heard(there) as samples, metaros.Node("a", context=here, enable_rosout=False) as node, zenohs:
+    with received(there) as samples, metaros.Node("a", context=here, enable_rosout=False) as node, zenohs:
         ours = node.create_publisher(String, "ours", qos_transient_local)
         for topic, put in (("zenohs", lambda: zenohs.put(b"x")), ("ours", lambda: ours.publish(String(data="x")))):
             next_number = count()
@@ -58,7 +58,7 @@ def test_a_heartbeat_is_the_one_that_zenoh_would_send(here, there):
 
 
 def test_a_publisher_that_was_closed_is_silent(here, there):
-    with heard(there) as samples, metaros.Node("a", context=here, enable_rosout=False) as node:
+    with received(there) as samples, metaros.Node("a", context=here, enable_rosout=False) as node:
         closed, open_ = (node.create_publisher(String, topic, qos_transient_local) for topic in ("closed", "open"))
         wait_until(lambda: open_.publish(String(data="x")) or numbers(samples, "open"), every_s=0.05)
         closed.publish(String(data="x"))

@@ -14,7 +14,7 @@ from metaros.errors import ClosedError, UsageError
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.rosgraph_msgs.msg import Clock
 from metaros.node import SimClock
-from metaros.node.rate import Rate
+from metaros.node.time.rate import Rate
 from tests.support.waiting import wait_until
 
 
@@ -134,13 +134,13 @@ def test_groups_reach_subscriptions_services_and_timers(here):
     def add(request: AddTwoInts.Request, response: AddTwoInts.Response) -> None:
         response.sum = request.a + request.b
 
-    heard = threading.Event()
+    received = threading.Event()
 
     @node.subscription(Clock, "times", group=metaros.MutuallyExclusiveCallbackGroup())
     def listen(message: Clock) -> None:
         client = node.create_client(AddTwoInts, "add")  # a blocking call beside its own server: another thread answers
         assert client.call(AddTwoInts.Request(a=1, b=2)).sum == 3
-        heard.set()
+        received.set()
 
     thread = threading.Thread(target=executor.spin)
     thread.start()
@@ -148,7 +148,7 @@ def test_groups_reach_subscriptions_services_and_timers(here):
     publisher = node.create_publisher(Clock, "times")
     wait_until(lambda: publisher.events.matched)
     publisher.publish(at(1.0))  # once: the end would wait for a call that nobody answers any more
-    assert heard.wait(60)
+    assert received.wait(60)
     held.set()
     executor.shutdown()
     thread.join(60)

@@ -15,7 +15,7 @@ from metaros.errors import ConfigError, RecordingError
 from metaros.interfaces.geometry_msgs.msg import Point
 from metaros.interfaces.std_msgs.msg import Char, String
 from metaros.record import BagOptions, open_bag, rewrite
-from tests.support.bags import START_NS, SmallDisk, arrivals, write_bag
+from tests.support.nodes.bags import START_NS, SmallDisk, arrivals, write_bag
 from tests.support.tables import cases
 
 
@@ -111,9 +111,9 @@ def test_a_damaged_chunk_is_named_and_passed_over(tmp_path: Path) -> None:
     path.write_bytes(data)
     with pytest.raises(RecordingError, match="damaged"):
         list(open_bag(path).messages())
-    told: list[str] = []
-    done = rewrite(open_bag(path), tmp_path / "sound.mcap", damaged=told.append)
-    assert len(told) == 1
+    reported: list[str] = []
+    done = rewrite(open_bag(path), tmp_path / "sound.mcap", damaged=reported.append)
+    assert len(reported) == 1
     assert 0 < done.messages < 100
     with (tmp_path / "sound.mcap").open("rb") as file:
         assert sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages()) == done.messages

@@ -15,7 +15,7 @@ from metaros.interfaces.geometry_msgs.msg import PointStamped
 from metaros.interfaces.sensor_msgs.msg import CompressedImage, Image, LaserScan
 from metaros.record import Bag, export_csv, export_images, export_json, open_bag
 from metaros.record.export import png
-from tests.support.bags import START_NS, arrivals, write_bag
+from tests.support.nodes.bags import START_NS, arrivals, write_bag
 
 
 def bag_of(folder: Path, *messages: object, topic: str = "/a/b") -> Bag:

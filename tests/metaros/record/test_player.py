@@ -17,7 +17,7 @@ from metaros.interfaces.rosgraph_msgs.msg import Clock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import Player, open_bag
 from metaros.wire import parse_attachment
-from tests.support.bags import START_NS, arrivals, write_bag
+from tests.support.nodes.bags import START_NS, arrivals, write_bag
 from tests.support.waiting import wait_until
 
 WAIT_S = 60.0
@@ -53,11 +53,11 @@ def test_bytes_and_stamps(bag: Path, contexts: tuple) -> None:
     ears = Ears(contexts[0], "/chatter")
     with Player(contexts[1], bag, rate=0.0, keep_stamps=True) as player:
         play(player, ears)
-        heard = ears.wait(100)
+        received = ears.wait(100)
         (end,) = ears.node.graph.endpoints(topic="/chatter", kind="MP")
     recorded = list(open_bag(bag).messages())
-    assert [sample.payload.to_bytes() for sample in heard] == [message.data for message in recorded]
-    stamps = [parse_attachment(sample.attachment.to_bytes()).source_ns for sample in heard]
+    assert [sample.payload.to_bytes() for sample in received] == [message.data for message in recorded]
+    stamps = [parse_attachment(sample.attachment.to_bytes()).source_ns for sample in received]
     assert stamps == [message.publish_ns for message in recorded]
     assert end.type_hash == recorded[0].topic.type_hash
     assert [end.qos] == recorded[0].topic.qos
@@ -71,11 +71,11 @@ def test_a_piece_under_another_name_again_and_again(bag: Path, contexts: tuple) 
         thread = threading.Thread(target=play, args=(player, ears), kwargs={"stop": stop})
         thread.start()
         try:
-            heard = ears.wait(25)
+            received = ears.wait(25)
         finally:
             stop.set()
             thread.join()
-    texts = [sample.payload.to_bytes()[8:-1].decode() for sample in heard[:20]]
+    texts = [sample.payload.to_bytes()[8:-1].decode() for sample in received[:20]]
     assert texts == [f"hello {n}" for n in range(50, 60)] * 2
 
 

@@ -16,8 +16,8 @@ from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.record import BagOptions, Recorder, RingOptions, open_bag, tap
 from metaros.record.schemas import find_schema
 from metaros.wire import qos_reliable_all, qos_transient_local
-from tests.support.bags import SmallDisk
-from tests.support.threads import left_behind, threads_now
+from tests.support.nodes.bags import SmallDisk
+from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 WAIT_S = 60.0
@@ -31,7 +31,7 @@ class Talker:
         self.publisher = self.node.create_publisher(String, topic, qos)
         self.count = 0
 
-    def wait_heard(self) -> None:
+    def wait_received(self) -> None:
         topic, graph = self.publisher.topic, self.node.graph
         wait_until(lambda: graph.endpoints(topic=topic, kind="MS"), timeout_s=WAIT_S)
 
@@ -54,7 +54,7 @@ def test_everything_is_recorded(contexts: tuple, tmp_path: Path) -> None:
     before = threads_now()
     talker = Talker(contexts[0])
     with Recorder(contexts[1], tmp_path / "run", topics=["/chatter"]) as recorder:
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(500)
         wait_until(lambda: recorder.report().received == 500, timeout_s=WAIT_S)
     assert said(tmp_path / "run") == list(range(1, 501))
@@ -70,7 +70,7 @@ def test_everything_is_recorded(contexts: tuple, tmp_path: Path) -> None:
 def test_topics_that_come_later_and_those_not_wanted(contexts: tuple, tmp_path: Path) -> None:
     with Recorder(contexts[1], tmp_path / "run", topics=["**"], exclude=["/secret"]) as recorder:
         talker, secret = Talker(contexts[0]), Talker(contexts[0], "/secret")
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(10)
         secret.say(10)
         wait_until(lambda: recorder.report().received == 10, timeout_s=WAIT_S)
@@ -97,7 +97,7 @@ def test_pause_split_and_services(contexts: tuple, tmp_path: Path) -> None:
             return client.call(Trigger.Request(), timeout_s=WAIT_S)
 
     with Recorder(contexts[1], tmp_path / "run", topics=["/chatter"]) as recorder:
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(5)
         wait_until(lambda: recorder.report().written == 5, timeout_s=WAIT_S)
         assert ask("pause").success
@@ -133,7 +133,7 @@ def test_a_slow_disk_drops_at_the_bound_and_says_so(contexts: tuple, tmp_path: P
     talker = Talker(contexts[0])
     recorder = Recorder(contexts[1], tmp_path / "run", topics=["/chatter"], options=options, queue_bytes=100_000)
     try:
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(300, size=1000)
         wait_until(lambda: recorder.report().received == 300, timeout_s=WAIT_S)
         report = recorder.report()
@@ -151,7 +151,7 @@ def test_a_full_disk_ends_it(contexts: tuple, tmp_path: Path) -> None:
     options = BagOptions(chunk_bytes=2000, compression="none", open_file=lambda path: SmallDisk(path, 8000))
     talker = Talker(contexts[0])
     recorder = Recorder(contexts[1], tmp_path / "run", topics=["/chatter"], options=options)
-    talker.wait_heard()
+    talker.wait_received()
     talker.say(100, size=1000)
     assert recorder.ended.wait(WAIT_S)
     with pytest.raises(RecordingError, match="disk is full"):
@@ -167,7 +167,7 @@ def test_the_ring_is_saved_when_asked(contexts: tuple, tmp_path: Path) -> None:
     talker = Talker(contexts[0])
     ring = RingOptions(window_s=60.0, limit_bytes=30_000)
     with Recorder(contexts[1], tmp_path / "box", topics=["/chatter"], ring=ring) as recorder:
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(100, size=1000)
         wait_until(lambda: recorder.report().received == 100, timeout_s=WAIT_S)
         assert recorder.report().size_bytes <= 30_000
@@ -190,15 +190,15 @@ def test_a_type_that_only_its_publisher_knows(contexts: tuple, tmp_path: Path, m
     monkeypatch.setattr(tap, "find_schema", partial(find_schema, timeout_s=0.1))
     node = metaros.Node("strange", context=contexts[0], enable_rosout=False, enable_parameters=False)
     publisher = node.create_raw_publisher("/strange", "my_pkg/msg/Strange", "RIHS01_" + "0" * 64, qos_reliable_all)
-    told: list[str] = []
-    with Recorder(contexts[1], tmp_path / "run", topics=["/strange"], notice=told.append) as recorder:
+    reported: list[str] = []
+    with Recorder(contexts[1], tmp_path / "run", topics=["/strange"], notice=reported.append) as recorder:
         wait_until(lambda: node.graph.endpoints(topic="/strange", kind="MS"), timeout_s=WAIT_S)
         for number in range(5):
             publisher.publish(b"\x00\x01\x00\x00" + bytes([number]))
-        wait_until(lambda: recorder.report().received == 5 and told, timeout_s=WAIT_S)
+        wait_until(lambda: recorder.report().received == 5 and reported, timeout_s=WAIT_S)
     (topic,) = open_bag(tmp_path / "run").topics
     assert (topic.type_name, topic.schema, topic.messages) == ("my_pkg/msg/Strange", "", 5)
-    assert "no schema for my_pkg/msg/Strange" in told[0]
+    assert "no schema for my_pkg/msg/Strange" in reported[0]
 
 
 def test_what_cannot_be_recorded(contexts: tuple, tmp_path: Path) -> None:
@@ -216,7 +216,7 @@ def test_what_cannot_be_recorded(contexts: tuple, tmp_path: Path) -> None:
 def test_the_account_is_json_for_others(contexts: tuple, tmp_path: Path) -> None:
     talker = Talker(contexts[0])
     with Recorder(contexts[1], tmp_path / "a.mcap", topics=["/chatter"]) as recorder:
-        talker.wait_heard()
+        talker.wait_received()
         talker.say(1)
         wait_until(lambda: recorder.report().received == 1, timeout_s=WAIT_S)
     metadata = dict(open_bag(tmp_path / "a.mcap").files[0].metadata)

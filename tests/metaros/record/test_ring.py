@@ -5,7 +5,7 @@ from __future__ import annotations
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record.ring import Ring
 from metaros.wire import qos_transient_local
-from tests.support.bags import arrivals
+from tests.support.nodes.bags import arrivals
 
 
 def stream(count: int, size: int = 100, topic: str = "/a") -> list:

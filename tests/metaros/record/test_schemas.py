@@ -12,7 +12,7 @@ import metaros
 from metaros.idl import default_catalogue, type_hash
 from metaros.record import Recorder, open_bag
 from metaros.record.schemas import find_schema, known_schema
-from tests.support.processes import started
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until
 
 PART = "# how warm\nfloat32[<=3] values [1.5]\nstring<=8 label\n"
@@ -54,12 +54,12 @@ def test_nobody_to_ask(contexts: tuple) -> None:
 
 
 def test_a_type_of_another_process(zenoh_router: str, tmp_path: Path) -> None:
-    told: list[str] = []
+    reported: list[str] = []
     with started([sys.executable, "-c", OVEN, zenoh_router], stdin=subprocess.PIPE, stdout=None, stderr=None):
         with metaros.Context(connect=zenoh_router) as context:
-            with Recorder(context, tmp_path / "run", topics=["/oven"], notice=told.append) as recorder:
+            with Recorder(context, tmp_path / "run", topics=["/oven"], notice=reported.append) as recorder:
                 wait_until(lambda: recorder.report().written >= 10)
-    assert told == []
+    assert reported == []
     assert "heat_pkg/msg/Oven" not in default_catalogue()
     (topic,) = open_bag(tmp_path / "run").topics
     assert "MSG: heat_pkg/Part\nfloat32[<=3] values [1.5]\n" in topic.schema

@@ -78,7 +78,7 @@ def test_a_sealed_recording_becomes_readable_and_the_rest_is_copied(tmp_path: Pa
     ],
     ids=["changed", "replayed", "renumbered", "short", "other topic", "other robot"],
 )
-def test_what_was_tampered_with_is_left_out_and_told(
+def test_what_was_tampered_with_is_left_out_and_reported(
     tmp_path: Path, change: Callable[[list[Frame]], list[Frame]], code: str
 ) -> None:
     good = frames("/a", 3)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from metaros.clock import ManualClock
-from metaros.sim.gate import CommandGate, Mode
+from metaros.sim.command_gate import CommandGate, Mode
 
 
 def test_a_robot_begins_by_itself() -> None:

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from metaros.sim.dock import CHARGE_PER_S, PAD_M, PADS, Docking, steps_between
+from metaros.sim.command_gate import Mode
+from metaros.sim.docking import CHARGE_PER_S, PAD_M, PADS, Docking, steps_between
 from metaros.sim.fleet import STEP_S, Fleet
-from metaros.sim.gate import Mode
 from metaros.sim.warehouse import CROSSINGS, NEIGHBOURS
 
 

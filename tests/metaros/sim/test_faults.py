@@ -30,6 +30,6 @@ def test_not_a_schedule(text: str) -> None:
         parse_schedule(text)
 
 
-def test_an_unknown_fault_is_told_the_known_ones() -> None:
+def test_an_unknown_fault_is_reported_the_known_ones() -> None:
     with pytest.raises(ConfigError, match="stuck_wheel"):
         parse_schedule("sim_1:flat_tyre@3")

@@ -8,9 +8,9 @@ from itertools import combinations, pairwise
 import pytest
 
 from metaros.errors import ConfigError
+from metaros.sim.command_gate import Mode
 from metaros.sim.faults import parse_schedule
 from metaros.sim.fleet import STEP_S, Fleet, SimRobot, due
-from metaros.sim.gate import Mode
 from metaros.sim.robot import DRIVE
 from metaros.sim.warehouse import WAREHOUSE
 

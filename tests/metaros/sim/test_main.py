@@ -22,7 +22,7 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.sim import run_sim
 from metaros.sim.node import TOPICS
-from tests.support.hurried import HurriedClock
+from tests.support.processes.fast_loop import HurriedClock
 from tests.support.waiting import wait_until
 
 

@@ -12,8 +12,8 @@ from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.sim import run_sim
 from metaros.sim.fleet import RATE_HZ, Fleet
 from metaros.sim.node import PARAMETERS
-from tests.support.command_line import run_metaros
-from tests.support.hurried import HurriedClock
+from tests.support.processes.command_line import run_metaros
+from tests.support.processes.fast_loop import HurriedClock
 from tests.support.waiting import wait_until
 
 
@@ -71,8 +71,8 @@ def test_the_command_line_slows_a_robot_down(zenoh_router):
         executor.add_node(node)
         wait_until(lambda: executor.spin_once(0.1) and max(speeds, default=0.0) > 0.3)
         port = zenoh_router.rsplit(":", 1)[1]
-        told = run_metaros("param", "set", "/sim_1/base", "max_speed", "0.2", "--zenoh-port", port)
-        assert told == "Set parameter successful\n"
+        reported = run_metaros("param", "set", "/sim_1/base", "max_speed", "0.2", "--zenoh-port", port)
+        assert reported == "Set parameter successful\n"
         wait_until(lambda: executor.spin_once(0.1) and speeds[-1] < 0.25)
         speeds.clear()
         wait_until(lambda: executor.spin_once(0.1) and len(speeds) > 40)

@@ -17,7 +17,7 @@ from metaros.sim.camera import CAMERA
 from metaros.sim.faults import CLEAR, FAULTS
 from metaros.sim.node import TOPICS
 from metaros.sim.robot import DRIVE
-from tests.support.hurried import HurriedClock
+from tests.support.processes.fast_loop import HurriedClock
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[3]

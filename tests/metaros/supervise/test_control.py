@@ -25,11 +25,11 @@ from metaros.errors import ConfigError, FrameError, UnavailableError
 from metaros.supervise import verbs
 from metaros.supervise.client import SupervisorClient
 from metaros.supervise.control import CLIENTS, Control
-from metaros.supervise.door import LINE_BYTES, SOCKET, TOKEN, Door, connect
-from metaros.supervise.log_reader import Page
+from metaros.supervise.control_socket import LINE_BYTES, SOCKET, TOKEN, ControlSocket, connect
+from metaros.supervise.logs.reader import Page
 from metaros.supervise.service import NodeService
 from metaros.supervise.verbs import Verbs
-from tests.support.node_code import SLEEP
+from tests.support.nodes.node_code import SLEEP
 from tests.support.waiting import wait_until_async
 
 UNIX = sys.platform != "win32"
@@ -42,7 +42,7 @@ class Rig:
         self.directory = directory
         self.ended = asyncio.Event()
         self.service = NodeService(directory, clock=SystemClock(), rng=system_rng(), lease_s=boot_s)
-        self.control = Control(Door(directory, unix=unix), Verbs(self.service, self.ended.set).handle)
+        self.control = Control(ControlSocket(directory, unix=unix), Verbs(self.service, self.ended.set).handle)
 
     async def table(self, *names: str) -> None:
         rows = [{"name": name, "argv": [sys.executable, "-S", "-c", SLEEP]} for name in names]
@@ -301,7 +301,7 @@ async def test_a_client_of_another_number_is_refused(tmp_path: Path, monkeypatch
 def test_a_peer_says_who_it_is() -> None:
     if sys.platform not in ("linux", "darwin"):
         pytest.skip("the platform does not say")
-    from metaros.supervise.door import peer_uid
+    from metaros.supervise.control_socket import peer_uid
 
     one, other = socket.socketpair(socket.AF_UNIX)
     with one, other:

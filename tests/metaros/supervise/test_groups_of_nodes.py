@@ -11,8 +11,8 @@ import pytest
 from metaros.clock import SystemClock, system_rng
 from metaros.errors import UnavailableError
 from metaros.supervise import Event, EventKind, Launch, RestartPolicy, Supervisor
-from metaros.supervise.policy import Restart
-from tests.support.node_code import SLEEP
+from metaros.supervise.restart_policy import Restart
+from tests.support.nodes.node_code import SLEEP
 from tests.support.waiting import wait_until_async
 
 BEAT_ONCE = """

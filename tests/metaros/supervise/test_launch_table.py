@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import ConfigError
-from metaros.supervise.policy import Restart, RestartPolicy
-from metaros.supervise.table import LaunchTable, parse_table, read_table
+from metaros.supervise.launch_table import LaunchTable, parse_table, read_table
+from metaros.supervise.restart_policy import Restart, RestartPolicy
 from tests.support.tables import cases
 
 HERE = Path("/somewhere/robot.toml")

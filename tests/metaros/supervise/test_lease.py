@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from metaros.supervise.lease import GRACE_SHARE, KILL_BEFORE_S, MARGIN_S, Duty, Leases
+from metaros.supervise.lease import GRACE_SHARE, KILL_BEFORE_S, MARGIN_S, LeaseAction, Leases
 from tests.support.tables import cases
 
 GRACE_S = 1.0
@@ -19,20 +19,20 @@ def given_lease(valid_s: float = 10.0, *, age_s: float = 0.0, now_s: float = 100
 
 
 def test_without_a_lease_nothing_runs() -> None:
-    assert Leases().duty("arm", GRACE_S, 0.0) is Duty.KILL
+    assert Leases().duty("arm", GRACE_S, 0.0) is LeaseAction.KILL
 
 
 @cases(
     ("now_s", "duty"),
     [
-        (100.0, Duty.RUN),
-        (110.0 - KILL_BEFORE_S - MARGIN_S - GRACE_S - 0.01, Duty.RUN),
-        (110.0 - KILL_BEFORE_S - MARGIN_S - GRACE_S + 0.01, Duty.STOP),
-        (110.0 - KILL_BEFORE_S + 0.01, Duty.KILL),
-        (1e9, Duty.KILL),
+        (100.0, LeaseAction.RUN),
+        (110.0 - KILL_BEFORE_S - MARGIN_S - GRACE_S - 0.01, LeaseAction.RUN),
+        (110.0 - KILL_BEFORE_S - MARGIN_S - GRACE_S + 0.01, LeaseAction.STOP),
+        (110.0 - KILL_BEFORE_S + 0.01, LeaseAction.KILL),
+        (1e9, LeaseAction.KILL),
     ],
 )
-def test_it_is_stopped_so_early_that_its_grace_fits_in(now_s: float, duty: Duty) -> None:
+def test_it_is_stopped_so_early_that_its_grace_fits_in(now_s: float, duty: LeaseAction) -> None:
     assert given_lease().duty("arm", GRACE_S, now_s) is duty
 
 
@@ -44,8 +44,8 @@ def test_a_long_grace_takes_a_share_of_a_short_lease() -> None:
 
 
 def test_the_age_of_the_words_counts() -> None:
-    assert given_lease(10.0, age_s=11.0).duty("arm", GRACE_S, 100.0) is Duty.KILL
-    assert given_lease(10.0, age_s=-5.0).duty("arm", GRACE_S, 109.99) is Duty.KILL  # nobody's clock lengthens it
+    assert given_lease(10.0, age_s=11.0).duty("arm", GRACE_S, 100.0) is LeaseAction.KILL
+    assert given_lease(10.0, age_s=-5.0).duty("arm", GRACE_S, 109.99) is LeaseAction.KILL  # nobody's clock lengthens it
 
 
 def test_a_newer_word_may_shorten_it() -> None:
@@ -68,10 +68,10 @@ def test_an_older_word_changes_nothing() -> None:
 def test_what_is_taken_back_stops_now_and_is_dead_by_its_old_end() -> None:
     leases = given_lease(10.0)
     leases.replace([], age_s=0.0, now_s=101.0)
-    assert leases.duty("arm", GRACE_S, 101.0) is Duty.STOP
+    assert leases.duty("arm", GRACE_S, 101.0) is LeaseAction.STOP
     leases.replace([], age_s=0.0, now_s=105.0)
-    assert leases.duty("arm", GRACE_S, 105.0) is Duty.STOP
-    assert leases.duty("arm", GRACE_S, 110.0) is Duty.KILL
+    assert leases.duty("arm", GRACE_S, 105.0) is LeaseAction.STOP
+    assert leases.duty("arm", GRACE_S, 110.0) is LeaseAction.KILL
     leases.replace([], age_s=0.0, now_s=111.0)
     assert len(leases) == 0
 
@@ -102,4 +102,4 @@ def test_no_word_lets_it_run_past_the_end_of_the_newest_lease(
         now_s += pause_s
         leases.replace([("arm", lease_id, valid_s)], age_s=age_s, now_s=now_s)
         ends_s = max(ends_s, now_s - age_s + valid_s)
-    assert leases.duty("arm", GRACE_S, ends_s) is Duty.KILL
+    assert leases.duty("arm", GRACE_S, ends_s) is LeaseAction.KILL

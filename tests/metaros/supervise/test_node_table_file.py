@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from metaros.errors import ConfigError
-from metaros.supervise.table_file import Table, TableFile, read_rows
+from metaros.supervise.node_table_file import Table, TableFile, read_rows
 from tests.support.tables import cases
 
 

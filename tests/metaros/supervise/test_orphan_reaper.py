@@ -12,9 +12,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from metaros.supervise.table_file import TableFile, read_rows
-from metaros.supervise.warden import Warden
-from tests.support.processes import started
+from metaros.supervise.node_table_file import TableFile, read_rows
+from metaros.supervise.orphan_reaper import OrphanReaper
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until, wait_until_async
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no process groups")
@@ -44,17 +44,17 @@ def test_a_killed_supervisor_takes_the_children_of_its_nodes_along(tmp_path: Pat
 
 
 async def test_who_died_is_replaced_and_knows_all(tmp_path: Path) -> None:
-    warden, mark = Warden(), tmp_path / "last"
+    reaper, mark = OrphanReaper(), tmp_path / "last"
     group, gone = [await asyncio.to_thread(subprocess.Popen, SLEEP, process_group=0) for _ in range(2)]
     try:
-        warden.began(group.pid, ["touch", str(mark)])
-        warden.began(gone.pid)
-        first = warden.pid
+        reaper.group_started(group.pid, ["touch", str(mark)])
+        reaper.group_started(gone.pid)
+        first = reaper.pid
         assert first is not None
         os.kill(first, signal.SIGKILL)
-        await wait_until_async(lambda: warden.pid not in (None, first))
-        warden.ended(gone.pid)
-        popen = warden._popen
+        await wait_until_async(lambda: reaper.pid not in (None, first))
+        reaper.group_ended(gone.pid)
+        popen = reaper._popen
         assert popen is not None
         assert popen.stdin is not None
         popen.stdin.close()  # as the kernel does when we are killed
@@ -63,7 +63,7 @@ async def test_who_died_is_replaced_and_knows_all(tmp_path: Path) -> None:
         assert mark.exists()
         assert gone.poll() is None  # its number may be another's by now
     finally:
-        warden.close()
+        reaper.close()
         for popen in (group, gone):
             popen.kill()
             popen.wait()
@@ -76,15 +76,15 @@ def is_deaf(pid: int) -> bool:
 
 
 async def test_in_good_order_it_does_nothing_and_is_gone(tmp_path: Path) -> None:
-    warden = Warden()
-    warden.began(2**22 + 1)
-    pid = warden.pid
+    reaper = OrphanReaper()
+    reaper.group_started(2**22 + 1)
+    pid = reaper.pid
     assert pid is not None
     if sys.platform == "linux":
         await wait_until_async(lambda: is_deaf(pid))
         os.kill(pid, signal.SIGINT)  # a terminal's Ctrl-C is not for it
-    warden.ended(2**22 + 1)
+    reaper.group_ended(2**22 + 1)
     assert alive(pid)
-    warden.close()
+    reaper.close()
     assert not alive(pid)
-    assert warden.pid is None
+    assert reaper.pid is None

@@ -16,11 +16,11 @@ import psutil
 import pytest
 
 from metaros.supervise.client import ask
+from metaros.supervise.node_table_file import TableFile, read_rows
 from metaros.supervise.program import STOPPED, running_pid
-from metaros.supervise.table_file import TableFile, read_rows
-from tests.support.command_line import call_metaros, program, stop_metaros
-from tests.support.node_code import DEAF, SLEEP
-from tests.support.processes import END_S, started
+from tests.support.nodes.node_code import DEAF, SLEEP
+from tests.support.processes.command_line import call_metaros, program, stop_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 

@@ -8,7 +8,7 @@ from random import Random  # noqa: TID251  (seeded, as the policy's argument)
 import pytest
 
 from metaros.clock import ManualClock
-from metaros.supervise.policy import Exit, History, Quarantine, Restart, RestartAt, RestartPolicy, Stop, decide
+from metaros.supervise.restart_policy import Exit, History, Quarantine, Restart, RestartAt, RestartPolicy, Stop, decide
 from tests.support.tables import cases
 
 CRASH = Exit(code=1)

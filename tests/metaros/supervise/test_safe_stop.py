@@ -12,8 +12,8 @@ async def test_its_end_is_a_change(tmp_path: Path) -> None:
     ended = asyncio.Event()
     stops = SafeStops(tmp_path, changed=ended.set)
     stops.ask("arm", ("sh", "-c", 'echo "$METAROS_NODE" > rest'), {})
-    assert stops.told("arm") == "under way"
+    assert stops.outcome("arm") == "under way"
     await asyncio.wait_for(ended.wait(), 60)
-    assert stops.told("arm") == "done"
+    assert stops.outcome("arm") == "done"
     assert (tmp_path / "rest").read_text() == "arm\n"
     await stops.close()

@@ -15,9 +15,9 @@ import pytest
 
 from metaros.clock import SystemClock, boot_s, system_rng
 from metaros.errors import ConfigError, UnavailableError
+from metaros.supervise.node_table_file import TableFile, read_rows
 from metaros.supervise.service import NodeService
-from metaros.supervise.table_file import TableFile, read_rows
-from tests.support.node_code import DEAF, SLEEP
+from tests.support.nodes.node_code import DEAF, SLEEP
 from tests.support.waiting import wait_until_async
 
 
@@ -200,7 +200,7 @@ async def test_a_critical_node_that_keeps_dying_brings_the_robot_to_rest(rig: Ri
     assert rig.node("e")["safe_stop"] == rig.node("f")["safe_stop"] == ""
 
 
-async def test_a_crash_loop_is_quarantined_seen_and_told(rig: Rig) -> None:
+async def test_a_crash_loop_is_quarantined_seen_and_reported(rig: Rig) -> None:
     code = "import sys; print('starting', flush=True); sys.exit('no lidar on /dev/ttyUSB0')"
     await rig.table(
         row("a", code, window_exits=2, base_delay_s=0.01, max_delay_s=0.02, env={"ROS_X": "1", "ROS_KEY": "s"})

@@ -55,7 +55,7 @@ def take(spare: Spare, tmp_path: Path, *arguments: str, **env: str) -> str | Non
     return line
 
 
-async def test_it_becomes_what_it_is_told(spare: Spare, tmp_path: Path) -> None:
+async def test_it_becomes_what_it_is_reported(spare: Spare, tmp_path: Path) -> None:
     assert take(spare, tmp_path, "none") is None
     spare.refill()
     first = spare.pid

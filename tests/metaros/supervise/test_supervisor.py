@@ -16,9 +16,9 @@ import pytest
 from metaros.clock import SystemClock, system_rng
 from metaros.errors import ConfigError
 from metaros.supervise import Event, EventKind, Launch, RestartPolicy, Supervisor
-from metaros.supervise.policy import Restart
-from tests.support.node_code import DEAF, SLEEP
-from tests.support.processes import started
+from metaros.supervise.restart_policy import Restart
+from tests.support.nodes.node_code import DEAF, SLEEP
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until, wait_until_async
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from metaros.errors import TokenError
 from metaros.wire import EndpointToken, NodeToken, gid_of, parse_token, qos_default
 from metaros.wire.graph import GraphState
-from metaros.wire.matching import obstacle
+from metaros.wire.matching import mismatch
 
 NODE = NodeToken(0, "aac3178e146ba6f1fc6e6a4085e77f21", 3, "talker", "/fleet/robot1", "/")
 PUBLISHER = EndpointToken(
@@ -109,5 +109,5 @@ def variant(**changes: object) -> EndpointToken:
     ],
 )
 def test_what_keeps_two_endpoints_apart(peer, code):
-    found = obstacle(PUBLISHER, peer)
+    found = mismatch(PUBLISHER, peer)
     assert (found and found.code) == code

@@ -80,11 +80,11 @@ def test_only_agent_and_drive_move_the_robot(protected: tuple[Router, Path]) -> 
             with session_of(folder, user) as context:
                 speak(context, value, user)
 
-                def heard(user: str = user) -> bool:
+                def received(user: str = user) -> bool:
                     ears.listen()
                     return user in ears.heard
 
-                wait_until(heard)
+                wait_until(received)
         assert ears.heard == ["agent", "node", "drive"]
         assert ears.driven == [1.0, 3.0]
 
@@ -101,25 +101,25 @@ AROUND = (
 @pytest.mark.parametrize("mode", ["client", "peer", "router"])
 def test_no_wildcard_leads_around_the_access_control(protected: tuple[Router, Path], mode: str) -> None:
     _, folder = protected
-    heard: list[str] = []
+    received: list[str] = []
     config = zenoh.Config.from_file(str(folder / "node.json5"))
     base = zenoh.open(config)
     config.insert_json5("mode", json.dumps(mode))
     stranger = zenoh.open(config)
     try:
-        base.declare_subscriber(f"0/sim_1/cmd_vel/{TWIST}", lambda sample: heard.append(str(sample.key_expr)))
-        base.declare_subscriber("0/sim_1/odom/t/RIHS01_b", lambda sample: heard.append("odom"))
+        base.declare_subscriber(f"0/sim_1/cmd_vel/{TWIST}", lambda sample: received.append(str(sample.key_expr)))
+        base.declare_subscriber("0/sim_1/odom/t/RIHS01_b", lambda sample: received.append("odom"))
         for key in AROUND:
             stranger.put(key, b"drive")
             stranger.declare_publisher(key).put(b"drive")
             stranger.delete(key)
 
-        def told() -> bool:
+        def reported() -> bool:
             stranger.put("0/sim_1/odom/t/RIHS01_b", b"")
-            return "odom" in heard
+            return "odom" in received
 
-        wait_until(told)
-        assert set(heard) == {"odom"}
+        wait_until(reported)
+        assert set(received) == {"odom"}
     finally:
         stranger.close()  # type: ignore[no-untyped-call]
         base.close()  # type: ignore[no-untyped-call]
@@ -136,7 +136,7 @@ def test_what_a_node_may_publish_touches_no_actuator() -> None:
             assert sum(one.includes(f"{topic}/p::msg::dds_::T_/RIHS01_ab") for one in allowed) == 1
 
 
-def test_an_actuator_whose_name_is_not_told_is_refused() -> None:
+def test_an_actuator_whose_name_is_not_reported_is_refused() -> None:
     for pattern in ("**", "/arm/*", "**/cmd_*", "/"):
         with pytest.raises(ConfigError, match="last name"):
             other_keys([pattern])
@@ -162,12 +162,12 @@ def test_services_parameters_and_late_samples_work_for_all(protected: tuple[Rout
         talker.create_publisher(String, "map", latched).publish(String(data="early"))
         talker.declare_parameter("speed", 3)
         listener = metaros.Node("listener", context=two)
-        heard: list[str] = []
-        listener.create_subscription(String, "map", lambda text: heard.append(text.data), latched)
+        received: list[str] = []
+        listener.create_subscription(String, "map", lambda text: received.append(text.data), latched)
 
         def arrived() -> bool:
             take(listener)
-            return bool(heard)
+            return bool(received)
 
         wait_until(arrived)
         wait_until(lambda: {"/talker", "/listener"} <= {node.full_name for node in two.graph.nodes()})

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import metaros
+from metaros import wire
 from metaros.errors import FieldError, TokenError
 from metaros.wire import qos
 from metaros.wire.qos import INFINITE_NS, Durability, History, Liveliness, QoSProfile, Reliability, incompatibilities
@@ -122,3 +124,19 @@ def test_a_weaker_offer_does_not_satisfy_a_stronger_request(offer, request_, wor
     weak, strong = QoSProfile(**offer), QoSProfile(**request_)
     assert word in " ".join(incompatibilities(weak, strong))
     assert incompatibilities(strong, weak) == ()
+
+
+def test_names_of_rclpy_are_the_same_classes_with_all_of_its_members() -> None:
+    rclpy = {
+        "Reliability": {"SYSTEM_DEFAULT": 0, "RELIABLE": 1, "BEST_EFFORT": 2, "UNKNOWN": 3, "BEST_AVAILABLE": 4},
+        "Durability": {"SYSTEM_DEFAULT": 0, "TRANSIENT_LOCAL": 1, "VOLATILE": 2, "UNKNOWN": 3, "BEST_AVAILABLE": 4},
+        "History": {"SYSTEM_DEFAULT": 0, "KEEP_LAST": 1, "KEEP_ALL": 2, "UNKNOWN": 3},
+        "Liveliness": {"SYSTEM_DEFAULT": 0, "AUTOMATIC": 1, "MANUAL_BY_TOPIC": 3, "UNKNOWN": 4, "BEST_AVAILABLE": 5},
+    }
+    for name, members in rclpy.items():
+        kind = getattr(qos, name)
+        for module in (qos, wire, metaros):
+            for alias in (f"{name}Policy", f"QoS{name}Policy"):
+                assert getattr(module, alias) is kind
+                assert alias in module.__all__
+        assert members.items() <= {member.name: member.value for member in kind}.items()

@@ -11,14 +11,14 @@ import pytest
 import zenoh
 
 from metaros.wire import Graph, WireSession
-from metaros.wire.pin import pinning
-from tests.support.raw_peer import open_session
+from metaros.wire.thread_state import pin_thread_state
+from tests.support.nodes.raw_peer import open_session
 from tests.support.waiting import wait_until
 
 
 def test_what_is_put_arrives() -> None:
     queue: SimpleQueue[Any] = SimpleQueue()
-    pinning(queue.put)("token")
+    pin_thread_state(queue.put)("token")
     assert queue.get() == "token"
 
 

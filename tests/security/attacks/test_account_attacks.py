@@ -1,4 +1,4 @@
-"""The doors of accounts over HTTP, tried by a stranger: planted cookies, forged requests, names that look alike."""
+"""The endpoints of accounts over HTTP, tried by a stranger: planted cookies, forged requests, names that look alike."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pytest
 
 from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
-from tests.support.plain_http import FREE
-from tests.support.quick_passwords import quick_passwords  # noqa: F401 - a fixture
+from tests.support.gateways.plain_http import FREE
+from tests.support.gateways.quick_passwords import quick_passwords  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.usefixtures("quick_passwords")
 PASSWORD = "correct horse battery"

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from gateway.errors import IdentityError
-from gateway.identity.certificates import check_csr, robot_uri
+from gateway.identity.certificates.parsing import check_csr, robot_uri
 from tests.gateway.identity.robot_keys import ask, new_key, pem_of
 
 pytestmark = pytest.mark.integration

@@ -20,17 +20,17 @@ from gateway.domain.principal import Role
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
+from metaros.fleet.twin import digest
 from metaros.interfaces.rcl_interfaces.srv import GetParameters, ListParameters
-from metaros.twin import digest
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, hear, open_socket, running_gateway, say
-from tests.support.key_ring import bearer
-from tests.support.plain_http import FREE, PlainHttp, plain_http
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import FREE, PlainHttp, plain_http
 
 pytestmark = pytest.mark.integration
 
 VIEWER = RING.add(role=Role.VIEWER, name="viewer")
 ADMIN = RING.add(role=Role.ADMIN, name="admin")
-ELSEWHERE = {role: RING.add(role=role, robots=("other_*",), name=f"{role.word} elsewhere") for role in Role if role}
+REMOTE = {role: RING.add(role=role, robots=("other_*",), name=f"{role.word} elsewhere") for role in Role if role}
 LIDAR = {"nodes": {"lidar": {"allowed": "lidar"}}}
 TWIST = {"topic": "cmd_vel", "type": "geometry_msgs/msg/Twist", "message": {}}
 
@@ -89,7 +89,7 @@ async def test_groups_end_at_the_scope_of_whoever_names_them(tmp_path: Path) -> 
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, client(ready, key=ADMIN) as admin:
         assert (await admin.patch("/api/v1/robots/sim_1/twin", json=LIDAR)).status_code == 200
         before = (await admin.get("/api/v1/robots/sim_1/twin")).json()
-        for role, key in ELSEWHERE.items():
+        for role, key in REMOTE.items():
             async with client(ready, key=key) as somebody:
                 for method, path, body in GROUPS:
                     answer = await somebody.request(method, path, json=body)

@@ -21,14 +21,14 @@ import httpx
 import psutil
 import pytest
 
-import gateway.crowd
 import gateway.main
-from gateway.ingest import lane_shell
+import gateway.server.connections
+from gateway.ingest import lane_server
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
-from tests.support.leaping import LeapingClock
+from tests.support.processes.clock_jump import LeapingClock
 from tests.support.waiting import wait_until_async
 
 pytestmark = pytest.mark.integration
@@ -42,9 +42,11 @@ Pair = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Heads and handshakes within a second, looked at often, so that tests need not wait for longer."""
-    monkeypatch.setattr(gateway.crowd, "SWEEP_S", 0.1)
+    monkeypatch.setattr(gateway.server.connections, "SWEEP_S", 0.1)
     short = replace(LIMITS, head_s=1.0, keep_alive_s=2.0)
-    monkeypatch.setattr(gateway.main, "Crowd", partial(gateway.crowd.Crowd, limits=short))
+    monkeypatch.setattr(
+        gateway.main, "ConnectionLimits", partial(gateway.server.connections.ConnectionLimits, limits=short)
+    )
 
 
 async def connected(ready: Ready, source: str = "127.0.0.9") -> Pair:
@@ -145,7 +147,7 @@ async def test_a_head_that_is_too_large_is_431(tmp_path: Path) -> None:
 async def test_a_socket_and_its_viewer_outlive_every_deadline_of_a_head(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gateway.crowd, "SWEEP_S", 0.02)
+    monkeypatch.setattr(gateway.server.connections, "SWEEP_S", 0.02)
     clock = LeapingClock()
     async with running_gateway(tmp_path, clock=clock) as ready, open_socket(ready, "/api/v1/stream") as stream:
         await hear(stream, "welcome")
@@ -253,7 +255,7 @@ async def test_a_socket_that_floods_is_ended_and_others_are_not(tmp_path: Path, 
 
 
 async def test_lanes_that_say_nothing_keep_no_robot_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lane_shell, "HELLO_S", 3.0)
+    monkeypatch.setattr(lane_server, "HELLO_S", 3.0)
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack:
         target, options = f"127.0.0.1:{ready.grpc_port}", [("grpc.use_local_subchannel_pool", 1)]
         calls: list[Any] = []
@@ -276,5 +278,5 @@ def test_files_are_as_many_as_the_system_allows() -> None:
     import resource
 
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
-    allowed = gateway.crowd.open_files()
+    allowed = gateway.server.connections.open_files()
     assert allowed is None or min(hard, 65_536) <= allowed <= max(hard, 65_536)

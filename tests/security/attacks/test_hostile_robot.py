@@ -12,10 +12,10 @@ from gateway.domain.channel import Series
 from gateway.domain.identity import Admitted
 from gateway.domain.robot import Robot
 from gateway.errors import ProtocolError
+from gateway.history.recordings.uploads import MAX_OFFERS, Uploads
 from gateway.ingest.events import Closed
 from gateway.ingest.registry import REMEMBERED_SERIES, RIVAL_TRIES, RobotRecord
 from gateway.ingest.streams import MAX_EPOCHS, StreamTable
-from gateway.recordings.arrivals import MAX_OFFERS, Arrivals
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
@@ -40,7 +40,7 @@ def channel(number: int, schema: bytes = SCHEMA) -> link_pb2.Announce:
     return frame
 
 
-def test_schemas_are_bounded_in_all_and_may_be_told_again() -> None:
+def test_schemas_are_bounded_in_all_and_may_be_reported_again() -> None:
     rig, most = Rig(), LIMITS.schemas_bytes // LIMITS.schema_bytes
     for _again in range(3):
         for number in range(100, 100 + most):
@@ -77,17 +77,17 @@ def test_series_of_one_process_after_the_other_are_forgotten() -> None:
     assert "kept" in record.series
 
 
-def test_two_processes_at_a_time_are_told_from_one_that_came_back() -> None:
+def test_two_processes_at_a_time_are_reported_from_one_that_came_back() -> None:
     record = RobotRecord(Robot("r1"), seen_ns=0)
-    turned = [record.fenced(b"copy", heard_s=5.0 * turn - 1, now_s=5.0 * turn) for turn in range(1, RIVAL_TRIES + 1)]
+    turned = [record.fenced(b"copy", received_s=5.0 * turn - 1, now_s=5.0 * turn) for turn in range(1, RIVAL_TRIES + 1)]
     assert turned == [False] * (RIVAL_TRIES - 1) + [True]
     # Its clock was set back, and its own former session, which says nothing any more, is not yet held for dead.
-    assert not any(record.fenced(b"back", heard_s=99.0, now_s=100.0 + 5.0 * turn) for turn in range(6))
+    assert not any(record.fenced(b"back", received_s=99.0, now_s=100.0 + 5.0 * turn) for turn in range(6))
     # The former session spoke once more, out of a buffer.
     turns = [(1.0, 2.0), (3.0, 7.0), (3.0, 12.0), (3.0, 17.0)]
-    assert not any(record.fenced(b"late", heard_s=heard_s, now_s=now_s) for heard_s, now_s in turns)
+    assert not any(record.fenced(b"late", received_s=received_s, now_s=now_s) for received_s, now_s in turns)
     for stranger in range(1000):
-        record.fenced(stranger.to_bytes(16, "big"), heard_s=0.0, now_s=1.0)
+        record.fenced(stranger.to_bytes(16, "big"), received_s=0.0, now_s=1.0)
     assert len(record._rivals) <= 16
 
 
@@ -131,20 +131,20 @@ async def test_a_robot_that_keeps_the_store_busy_keeps_nobody_else_waiting(tmp_p
 def test_offers_of_one_robot_leave_room_for_the_others() -> None:
     spawned: list[Any] = []
     nothing: Any = None  # what is spawned is never run
-    arrivals = Arrivals(
+    uploads = Uploads(
         nothing,
         nothing,
         nothing,
-        tell=lambda robot, wanted: None,
+        send=lambda robot, wanted: None,
         spawn=spawned.append,
         on_thread=nothing,
         clock=ManualClock(),
         limits=LIMITS,
     )
     for number in range(10_000):
-        arrivals.part("hog", link_pb2.RecordingPart(recording_id=f"r{number}"))
+        uploads.part("hog", link_pb2.RecordingPart(recording_id=f"r{number}"))
     assert len(spawned) == MAX_OFFERS
-    arrivals.part("arm", link_pb2.RecordingPart(recording_id="r0"))  # its own, whoever else names it
+    uploads.part("arm", link_pb2.RecordingPart(recording_id="r0"))  # its own, whoever else names it
     assert len(spawned) == MAX_OFFERS + 1
     for waiting in spawned:
         waiting.close()

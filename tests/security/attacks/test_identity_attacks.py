@@ -18,18 +18,18 @@ from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
 from gateway.identity import robots
-from gateway.identity.ca import Authority, issue_robot, issue_server, make_intermediate, make_root, pem
+from gateway.identity.certificates.ca import Authority, issue_robot, issue_server, make_intermediate, make_root, pem
 from gateway.identity.master import MasterKey
-from gateway.ingest import lane_shell
+from gateway.ingest import lane_server
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import SystemClock
 from metaros.link.proof import link_statement, sign
 from tests.gateway.harness import BACKFILL, CONTROL, DATA, client, running_gateway
-from tests.gateway.identity.desks import Held
+from tests.gateway.identity.identity_rig import Held
 from tests.gateway.identity.robot_keys import ask, new_key
 from tests.gateway.test_robot_links import ADMIN, RING, alarm, bare, enrolled, greet, lane, revoke, said, tls_lane
-from tests.support.leaping import LeapingClock
+from tests.support.processes.clock_jump import LeapingClock
 
 pytestmark = pytest.mark.integration
 
@@ -68,7 +68,7 @@ def dated(ready: Ready, held: Held, *, begins_ns: int, life_s: float) -> Held:
 
 
 async def test_a_certificate_counts_between_its_dates_alone(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         now_ns = SystemClock().wall_ns()
         over = dated(ready, held, begins_ns=now_ns - 2 * HOUR_NS, life_s=3600.0)
@@ -82,7 +82,10 @@ async def test_a_certificate_counts_between_its_dates_alone(tmp_path: Path) -> N
 async def test_a_live_link_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(robots, "POLL_S", 0.05)
     clock = LeapingClock()
-    async with running_gateway(tmp_path, door=RING, clock=clock) as ready, contextlib.AsyncExitStack() as stack:
+    async with (
+        running_gateway(tmp_path, authenticator=RING, clock=clock) as ready,
+        contextlib.AsyncExitStack() as stack,
+    ):
         lanes = []
         for kind in KINDS:
             held, _ = await enrolled(ready, kind)
@@ -96,7 +99,7 @@ async def test_a_live_link_ends_with_its_certificate(tmp_path: Path, monkeypatch
 
 @pytest.mark.parametrize("kind", [*KINDS, "tls"])
 async def test_a_live_link_is_cut(tmp_path: Path, kind: str) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on" if kind == "tls" else "off") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on" if kind == "tls" else "off") as ready:
         held, given = await enrolled(ready)
         chain = given["certificate"] + given["chain"]
         way = tls_lane(ready, given["roots"], chain, held.key) if kind == "tls" else lane(ready, kind)
@@ -111,7 +114,10 @@ async def test_a_live_link_is_cut(tmp_path: Path, kind: str) -> None:
 
 
 async def test_an_expired_or_reused_or_foreign_token_is_refused_by_name(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path / "a", door=RING) as ready, running_gateway(tmp_path / "b", door=RING) as other:
+    async with (
+        running_gateway(tmp_path / "a", authenticator=RING) as ready,
+        running_gateway(tmp_path / "b", authenticator=RING) as other,
+    ):
         async with client(ready, key=ADMIN) as http, client(other, key=ADMIN) as there:
 
             async def use(text: str, robot: str, *, at: Any = http, key: Any = None) -> str:
@@ -142,7 +148,7 @@ async def test_an_expired_or_reused_or_foreign_token_is_refused_by_name(tmp_path
 
 
 async def test_a_hello_out_of_form_is_refused_before_it_is_proven(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         wrong: list[dict[str, Any]] = [
             {"lane": -1},
@@ -168,7 +174,7 @@ async def test_a_hello_out_of_form_is_refused_before_it_is_proven(tmp_path: Path
 
 @pytest.mark.parametrize("kind", KINDS)
 async def test_a_proof_is_good_for_one_challenge_and_one_hello(tmp_path: Path, kind: str) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         hello = held.hello()
         async with lane(ready, kind) as opened:
@@ -214,9 +220,9 @@ async def test_a_proof_is_good_for_one_challenge_and_one_hello(tmp_path: Path, k
 async def test_challenges_that_nobody_answers_end_by_themselves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, contextlib.AsyncExitStack() as stack:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, contextlib.AsyncExitStack() as stack:
         held, _ = await enrolled(ready)
-        monkeypatch.setattr(lane_shell, "HELLO_S", 3.0)
+        monkeypatch.setattr(lane_server, "HELLO_S", 3.0)
         hoard = [await stack.enter_async_context(lane(ready, kind)) for kind in KINDS for _ in range(20)]
         for opened in hoard:
             await opened.send(hello=held.hello())
@@ -232,7 +238,7 @@ async def test_challenges_that_nobody_answers_end_by_themselves(
 
 
 async def test_a_certificate_opens_only_its_own_robots_lanes(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on") as ready:
         arm, of_arm = await enrolled(ready)
         leg, of_leg = await enrolled(ready, "leg")
         roots = of_arm["roots"]
@@ -271,7 +277,7 @@ async def spoken(call: Any) -> bool:
 
 
 async def test_tls_lets_nobody_in_by_another_certificate(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on") as ready:
         held, given = await enrolled(ready)
         roots, fleet, now_ns = given["roots"], fleet_of(held), SystemClock().wall_ns()
 
@@ -306,7 +312,7 @@ async def test_tls_lets_nobody_in_by_another_certificate(tmp_path: Path) -> None
 
 @pytest.mark.filterwarnings("ignore:ssl.TLSVersion:DeprecationWarning")
 async def test_old_tls_is_refused(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on") as ready:
         ports = (ready.grpc_port, ready.http_port)
         for version, port in itertools.product((ssl.TLSVersion.TLSv1, ssl.TLSVersion.TLSv1_1), ports):
             context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -318,7 +324,7 @@ async def test_old_tls_is_refused(tmp_path: Path) -> None:
 
 
 async def test_what_a_proxy_passes_on_is_not_local(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         for header in ("x-forwarded-for", "forwarded", "x-real-ip"):
             async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
                 call = link_pb2_grpc.LinkStub(channel).Connect(metadata=((header, "127.0.0.1"),))
@@ -329,7 +335,7 @@ async def test_what_a_proxy_passes_on_is_not_local(tmp_path: Path) -> None:
 
 
 async def test_two_copies_at_the_same_time_raise_an_alarm(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, client(ready, key=ADMIN) as http:
         held, _ = await enrolled(ready)
         first, copy = held.hello(), held.hello()
         first.session_number, copy.session_id = 1000, b"c" * 16
@@ -345,7 +351,7 @@ async def test_two_copies_at_the_same_time_raise_an_alarm(tmp_path: Path) -> Non
 
 
 async def test_what_happens_to_honest_robots_raises_none(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, client(ready, key=ADMIN) as http:
         held, _ = await enrolled(ready)
         number = 1000
         for process in (b"a", b"a", b"a", b"b", b"b", b"c"):  # quick reconnects, restarts
@@ -369,7 +375,7 @@ async def test_what_happens_to_honest_robots_raises_none(tmp_path: Path) -> None
 
 
 async def test_a_stolen_name_is_of_no_use_without_certificates(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         for kind in KINDS:
             for hello, what in ((bare("arm"), "not_enrolled"), (held.hello(robot="leg"), "certificate_foreign")):

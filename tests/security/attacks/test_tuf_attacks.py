@@ -13,8 +13,8 @@ from securesystemslib.signer import CryptoSigner
 
 from edge_agent.update.files import read_table
 from edge_agent.update.slots import python_of
-from tests.support.tuf_repository import Fault, Served, TufRepository, make_bundle, plain, target_file
-from tests.support.tuf_robot import OLD, Hurry, TufRobot, tuf_robot
+from tests.support.robots.tuf_robot import OLD, Hurry, TufRobot, tuf_robot
+from tests.support.servers.tuf_repository import Fault, Served, TufRepository, make_bundle, plain, target_file
 
 pytestmark = pytest.mark.integration
 
@@ -51,7 +51,7 @@ async def test_without_an_attack_the_version_is_installed(world: World) -> None:
     assert robot.restarts == 1
 
 
-async def test_a_wrong_token_is_told(world: World) -> None:
+async def test_a_wrong_token_is_reported(world: World) -> None:
     robot, _, served = world
     served.token, robot.source.token = "mrf_other", "mrf_secret"
     assert await robot.attempt() == "update_fetch"
@@ -330,7 +330,7 @@ async def test_a_poisoned_beginning_does_not_last(world: World) -> None:
     assert await robot.takes() == ""
 
 
-async def test_a_rest_that_begins_elsewhere(world: World) -> None:
+async def test_a_rest_that_begins_remote(world: World) -> None:
     robot, _, served = world
     served.misbehave(".zip", lambda handler, data: plain(handler, data[:100], size=len(data)))
     assert await robot.attempt() == "update_fetch"
@@ -428,14 +428,14 @@ async def test_a_delegation_within_its_paths(world: World) -> None:
     assert await robot.takes("2.2.0") == ""
 
 
-async def test_below_the_floor(world: World) -> None:
+async def test_below_the_minimum_version(world: World) -> None:
     """A version that was good once, is still signed, and has a hole."""
     robot, _, served = world
-    robot.source.floor.rise("metaros", "2.1.1")
+    robot.source.minimum.raise_to("metaros", "2.1.1")
     await refused(robot, "update_floor")
     assert served.asked == []
-    robot.source.floor.rise("metaros", "1.0.0")
-    assert robot.source.floor.of("metaros") == "2.1.1"
+    robot.source.minimum.raise_to("metaros", "1.0.0")
+    assert robot.source.minimum.of("metaros") == "2.1.1"
 
 
 @pytest.mark.parametrize("rows", [{"hw": ["pdp11"]}, {"python": ">=3.99"}, {"python": "<3.11"}])

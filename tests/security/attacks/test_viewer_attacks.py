@@ -1,4 +1,4 @@
-"""What a stranger tries at viewers' doors: foreign pages, robots that tell too much, clients that ask for too much."""
+"""Attacks on viewers' endpoints: foreign pages, robots that send too much, clients that ask for too much."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from gateway.api import attendance
+from gateway.api import open_connections
 from gateway.api.foxglove import session
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import CONTROL, ScriptedAgent, channel, client, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing, bearer
+from tests.support.gateways.memory_authenticator import KeyRing, bearer
 
 pytestmark = pytest.mark.integration
 
-DOORS = ("/foxglove", "/foxglove/sim_1", "/rosbridge", "/rosbridge/sim_1", "/api/v1/stream")
+ENDPOINTS = ("/foxglove", "/foxglove/sim_1", "/rosbridge", "/rosbridge/sim_1", "/api/v1/stream")
 SPOKEN: Any = ["foxglove.sdk.v1", "metaros.v1"]
 
 
 LIKE_TOKEN = ("tokens=x", "x=token", "%74oken=x", "drive=token&robot=sim_1")
 
 
-async def test_a_word_like_token_opens_no_door_to_a_foreign_page(tmp_path: Path) -> None:
+async def test_a_word_like_token_opens_nothing_to_a_foreign_page(tmp_path: Path) -> None:
     """The wall lets a page of anybody in that was given a token: not one that only writes the word."""
     ring = KeyRing()
     cookie, _ = ring.sign_in(role=Role.OPERATOR, name="eve's victim")
-    async with running_gateway(tmp_path, door=ring) as ready, ScriptedAgent(ready):
-        for door, query, headers in product(DOORS, LIKE_TOKEN, ({}, {"Cookie": f"metaros_session={cookie}"})):
-            url = f"{ready.url.replace('http', 'ws', 1)}{door}?{query}"
+    async with running_gateway(tmp_path, authenticator=ring) as ready, ScriptedAgent(ready):
+        for endpoint, query, headers in product(ENDPOINTS, LIKE_TOKEN, ({}, {"Cookie": f"metaros_session={cookie}"})):
+            url = f"{ready.url.replace('http', 'ws', 1)}{endpoint}?{query}"
             origin: Any = "http://evil.example"
             with pytest.raises(InvalidStatus) as caught:
                 await connect(url, origin=origin, additional_headers=headers, subprotocols=SPOKEN, proxy=None)
-            assert caught.value.response.status_code == 403, (door, query, headers)
+            assert caught.value.response.status_code == 403, (endpoint, query, headers)
             assert json.loads(caught.value.response.body)["code"] == "origin_not_allowed"
 
 
@@ -88,12 +88,12 @@ def graph(robot: str, base: str) -> link_pb2.GraphReport:
     return link_pb2.GraphReport(anew=True, revision=1, nodes=[f"/{robot}/{base}"], endpoints=ends)
 
 
-async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) -> None:
+async def test_what_is_out_of_scope_is_in_no_answer_of_any_endpoint(tmp_path: Path) -> None:
     """An operator of sim_1 looks everywhere: sim_2, which is there, is not, and neither are its names."""
     ring = KeyRing()
     key = ring.add(role=Role.OPERATOR, robots=("sim_1",))
     async with (
-        running_gateway(tmp_path, door=ring) as ready,
+        running_gateway(tmp_path, authenticator=ring) as ready,
         ScriptedAgent(ready) as mine,
         ScriptedAgent(ready, "sim_2", session=b"t" * 16) as other,
         client(ready, key=key) as http,
@@ -104,11 +104,11 @@ async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) 
         everybody = bearer(ring.add(role=Role.OPERATOR))
         async with asyncio.timeout(60):
             while True:  # until both have told
-                told = (await http.get("/api/v1/graph", headers=everybody)).text
-                if SECRET in told and "/sim_1/base" in told:
+                reported = (await http.get("/api/v1/graph", headers=everybody)).text
+                if SECRET in reported and "/sim_1/base" in reported:
                     break
                 await asyncio.sleep(0.01)
-        heard = [(await http.get(path)).text for path in LISTS]
+        received = [(await http.get(path)).text for path in LISTS]
         for path in ("/foxglove/", "/rosbridge/", "/foxglove?robot=", "/rosbridge?robot="):
             refusals = []
             for robot in ("sim_2", "sim_9"):
@@ -127,14 +127,14 @@ async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) 
                 said = json.loads(await socket.recv())
                 if said["op"] == "status":
                     break
-                heard.append(json.dumps(said).replace(asked, "").replace(UNKNOWN, ""))
+                received.append(json.dumps(said).replace(asked, "").replace(UNKNOWN, ""))
         async with viewing(ready, "/foxglove", key=key) as viewer:
             await viewer.say("subscribeConnectionGraph")
-            heard += [json.dumps(await viewer.hear("connectionGraphUpdate"))]
+            received += [json.dumps(await viewer.hear("connectionGraphUpdate"))]
             await viewer.say("getParameters", parameterNames=[], id="p")
-            heard += [json.dumps(await viewer.hear("parameterValues")), str(viewer.channels), str(viewer.services)]
-    assert any("/sim_1/base" in text for text in heard)
-    for text in heard:
+            received += [json.dumps(await viewer.hear("parameterValues")), str(viewer.channels), str(viewer.services)]
+    assert any("/sim_1/base" in text for text in received)
+    for text in received:
         assert SECRET not in text, text
         assert "sim_2" not in text, text
 
@@ -166,11 +166,11 @@ async def test_files_that_a_viewer_asks_for_are_in_memory_one_at_a_time(
 async def test_whose_key_is_revoked_serves_and_publishes_nothing_any_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
+    monkeypatch.setattr(open_connections, "LIMITS", replace(LIMITS, credential_check_s=0.02))
     ring = KeyRing()
     key = ring.add(role=Role.OPERATOR, robots=("sim_1",))
     async with (
-        running_gateway(tmp_path, door=ring) as ready,
+        running_gateway(tmp_path, authenticator=ring) as ready,
         ScriptedAgent(ready) as agent,
         connect(f"ws://127.0.0.1:{ready.rosbridge_port}/sim_1?token={key}", proxy=None) as socket,
     ):

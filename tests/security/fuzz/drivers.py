@@ -26,16 +26,16 @@ from metaros.drivers.serial.protocol import FromBoard, parse_declare, parse_hell
 from metaros.drivers.serial_sensor.fields import line_reader
 from metaros.drivers.vlp16.packets import packet_problem
 from metaros.drivers.vlp16.position import parse_position
-from metaros.drivers.vlp16.turns import TurnCutter, decode
+from metaros.drivers.vlp16.revolutions import RevolutionSplitter, decode
 from metaros.errors import DecodeError
-from metaros.video_frames import frame_of
+from metaros.link.video_frames import frame_of
 from tests.security.fuzz.target import MIB, Target
-from tests.support.gps_emulator import nmea_epoch, pvt
-from tests.support.imu_emulator import wit_round
-from tests.support.ld19_emulator import Ld19Emulator
-from tests.support.rplidar_emulator import capsule, node
-from tests.support.video import COMPRESSED_VIDEO, access_units, video_message
-from tests.support.vlp16_emulator import Vlp16Emulator, position_packet
+from tests.support.devices.gps_emulator import nmea_epoch, pvt
+from tests.support.devices.imu_emulator import wit_round
+from tests.support.devices.ld19_emulator import Ld19Emulator
+from tests.support.devices.rplidar_emulator import capsule, node
+from tests.support.devices.video import COMPRESSED_VIDEO, access_units, video_message
+from tests.support.devices.vlp16_emulator import Vlp16Emulator, position_packet
 
 __all__ = ["TARGETS"]
 
@@ -69,7 +69,7 @@ def board(data: bytes) -> None:
 
 def vlp16(data: bytes) -> None:
     """The same packet before and after the one that is tried, so that turns end."""
-    cutter = TurnCutter()
+    cutter = RevolutionSplitter()
     good = [Vlp16Emulator(azimuth_deg=azimuth).packet() for azimuth in (100.0, 190.0, 300.0, 100.0, 190.0)]
     for packet in (*good, data, *good):
         turn = cutter.add(packet, 1_700_000_000_000_000_000)

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from edge_agent.blackbox.reading import records
-from edge_agent.blackbox.shelf import Saved, Shelf
-from edge_agent.command_log import CommandLog
+from edge_agent.blackbox.mcap_reader import records
+from edge_agent.blackbox.recording_store import RecordingStore, SavedRecording
+from edge_agent.commands.executed_ids import CommandLog
 from edge_agent.errors import CorruptError, DiskError
+from edge_agent.link.byte_budget_override import stored_limit
 from edge_agent.outbox import LOGS
 from edge_agent.outbox.segment import Frame, Gap, Kind, SegmentHeader, pack_frame, pack_header, read_header, scan
 from edge_agent.outbox.state import OutboxState
-from edge_agent.uplink_limit import stored_limit
 from gateway.errors import CorruptObjectError
-from gateway.store import chunks
-from gateway.store.segments import open_chunk, unpack
+from gateway.store.telemetry import chunks
+from gateway.store.telemetry.segments import open_chunk, unpack
 from metaros.clock import ManualClock
 from metaros.errors import KeyringError, MetarosError, RecordingError, SealError
 from metaros.idl import schema_text
@@ -38,7 +38,7 @@ from metaros.seal import Keyring, Opener, Origin, Sealer, SealKey
 from metaros.wire.qos import qos_rosout
 from tests.edge_agent.parts import accept, make_outbox
 from tests.security.fuzz.target import MIB, Target
-from tests.support.sim_disk import SimDisk
+from tests.support.simulation.sim_disk import SimDisk
 
 __all__ = ["TARGETS", "mcap_file"]
 
@@ -232,7 +232,7 @@ def shelf(data: bytes) -> None:
     name = "01ARZ3NDEKTSV4RRFFQ69G5FAV"
 
     def run(path: Path) -> None:
-        for saved in Shelf(path.parent):
+        for saved in RecordingStore(path.parent):
             assert saved.size_bytes >= 0
             assert len(bytes.fromhex(saved.sha256)) in (0, 32)
 
@@ -249,7 +249,7 @@ SAVED = {
     "messages": 0,
     "failed": "cut",
 }
-assert Saved(**SAVED).failed == "cut"  # type: ignore[arg-type]
+assert SavedRecording(**SAVED).failed == "cut"  # type: ignore[arg-type]
 
 KEY = SealKey(key_id=b"k" * 8, secret=b"s" * 32, created_ns=1)
 ORIGIN = Origin(robot="r", topic="/a", type_name="std_msgs/msg/String", type_hash="h")

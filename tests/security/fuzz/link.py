@@ -23,7 +23,7 @@ from metaros.limits import LIMITS, Limits
 from metaros.link import (
     ClockOffset,
     Reassembler,
-    expand,
+    decompress,
     pack_batch,
     pack_metrics,
     split_sample,
@@ -200,7 +200,7 @@ def welcomes() -> bytes:
 
 def batch(data: bytes) -> None:
     """One batch, expanded and taken apart."""
-    columns = unpack_batch(expand(link_pb2.Batch.FromString(data)))
+    columns = unpack_batch(decompress(link_pb2.Batch.FromString(data)))
     assert sum(len(payload) for _, _, payload in columns.samples()) == len(columns.payload)
     columns.after(columns.count // 2)
 

@@ -1,4 +1,4 @@
-"""Targets of the gateway's and the agent's doors: requests, cursors, times, credentials, certificates, tokens."""
+"""Targets of what strangers send to gateway and agent: requests, cursors, times, credentials, certificates, tokens."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from cryptography.utils import CryptographyDeprecationWarning
 from pydantic import BaseModel, ValidationError
 
 from edge_agent.errors import EnrolAnswerError, IdentityFileError, PinError, TokenFormatError
-from edge_agent.identity import pin
+from edge_agent.identity import enrolment_token
 from edge_agent.identity.certificate import check_issued
 from edge_agent.identity.enrol import _from_base64
 from edge_agent.identity.files import IdentityFiles
 from edge_agent.identity.key import key_to_pem, new_key
-from gateway.api import models, models_enrol, models_history, models_identity, models_recordings
-from gateway.api.authenticate import _credential
+from gateway.api.middleware.authenticate import _credential
+from gateway.api.models import common, enrol, history, identity, recordings
 from gateway.api.rest.ranges import chosen_topics, parse_age
 from gateway.api.rest.times import parse_time
 from gateway.api.ws.requests import make_feed, number_field, read_request, read_samples, text_field
+from gateway.domain.fleet.recording import is_recording_id
 from gateway.domain.principal import Principal, Role
-from gateway.domain.recording import is_recording_id
 from gateway.domain.robot import is_robot_id
 from gateway.errors import CredentialsError, IdentityError, InvalidRequestError
 from gateway.history.cursor import read_cursor, write_cursor
-from gateway.identity import tokens
-from gateway.identity.certificates import check_csr, load_certificate, read_robot
+from gateway.identity.certificates import tokens
+from gateway.identity.certificates.parsing import check_csr, load_certificate, read_robot
 from gateway.identity.keys import parse_key
-from gateway.objects.store import check_name
+from gateway.store.objects.store import check_name
 from metaros.access.credentials import key_for
 from metaros.cdr import codec
 from metaros.errors import ConfigError, FieldError, NameError_
@@ -46,7 +46,7 @@ from metaros.idl.json import from_json
 from tests.security.fuzz.files import on_disk
 from tests.security.fuzz.target import Target
 from tests.security.fuzz.wire import text_of
-from tests.support.fleet_ca import FleetCa, pem
+from tests.support.servers.fleet_ca import FleetCa, pem
 
 __all__ = ["TARGETS"]
 
@@ -55,7 +55,7 @@ VIEWER = Principal(kind="user", id="u1", name="ada", role=Role.VIEWER, robots=("
 BODIES: tuple[type[BaseModel], ...] = tuple(
     dict.fromkeys(
         found
-        for module in (models, models_enrol, models_history, models_identity, models_recordings)
+        for module in (common, enrol, history, identity, recordings)
         for found in vars(module).values()
         if isinstance(found, type) and issubclass(found, BaseModel) and found is not BaseModel
     )
@@ -159,7 +159,7 @@ def certificate(data: bytes) -> None:
 def answer(data: bytes) -> None:
     """What a gateway answers to an agent that enrols."""
     text = text_of(data)
-    pin.pinned_roots(data, CA.pin)
+    enrolment_token.pinned_roots(data, CA.pin)
     check_issued(text, CA.chain, CA.roots, key=KEY, fleet="testfleet", robot_id="r1")
 
 
@@ -220,7 +220,7 @@ def tokens_of(text: str) -> None:
     """An enrolment token, as either side reads it; a key."""
     parse_key(text)
     with contextlib.suppress(TokenFormatError):
-        pin.parse_token(text)
+        enrolment_token.parse_token(text)
     tokens.parse_token(text)
 
 
@@ -270,9 +270,9 @@ TARGETS = (
         seeds=tuple(
             bytes([BODIES.index(model)]) + json.dumps(value).encode()
             for model, value in (
-                (models_identity.LoginRequest, {"name": "ada", "password": "correct horse"}),
-                (models.PublishRequest, {"topic": "/a", "type": "std_msgs/msg/String", "message": {"data": "x"}}),
-                (models_enrol.EnrolRequest, {"robot": "r1", "token": "mr1.a.b.c", "csr": "x"}),
+                (identity.LoginRequest, {"name": "ada", "password": "correct horse"}),
+                (common.PublishRequest, {"topic": "/a", "type": "std_msgs/msg/String", "message": {"data": "x"}}),
+                (enrol.EnrolRequest, {"robot": "r1", "token": "mr1.a.b.c", "csr": "x"}),
             )
         ),
     ),

@@ -6,11 +6,11 @@ coverage where atheris is installed.
 
 from __future__ import annotations
 
-from tests.security.fuzz import doors, drivers, files, link, texts, wire
+from tests.security.fuzz import drivers, files, link, requests, texts, wire
 from tests.security.fuzz.target import Target
 
 __all__ = ["TARGETS"]
 
 TARGETS: dict[str, Target] = {
-    target.name: target for part in (wire, link, files, doors, texts, drivers) for target in part.TARGETS
+    target.name: target for part in (wire, link, files, requests, texts, drivers) for target in part.TARGETS
 }

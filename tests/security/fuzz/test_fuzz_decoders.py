@@ -13,7 +13,7 @@ import pytest
 
 from tests.security.fuzz.mutate import mutated, sweep
 from tests.security.fuzz.target import Target
-from tests.security.targets import TARGETS
+from tests.security.fuzz.targets import TARGETS
 
 EXAMPLES = 160  # each of the nine kinds of damage more than once; by the minute: make campaign ARGS=fuzz
 SWEPT = 128

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from edge_agent.config import load_settings
-from edge_agent.uplink.address import parse_address
-from gateway.identity.oidc_settings import OidcSettings
-from gateway.objects import urls
-from metaros.broker.dialect import from_payload, to_payload
+from edge_agent.config.gateway_address import parse_address
+from edge_agent.config.settings import load_settings
+from gateway.identity.oidc.settings import OidcSettings
+from gateway.store.objects import urls
 from metaros.broker.frames import join, parse_payload, ros_topic, split
-from metaros.broker.guess import guess_type
-from metaros.broker.plain import plain_data
+from metaros.broker.raw_payload import raw_data
+from metaros.broker.type_inference import infer_type
+from metaros.broker.v1_json import from_payload, to_payload
 from metaros.cdr import codec
 from metaros.convert.audio import audio_to_numpy
 from metaros.convert.compressed import compressed_to_numpy, image_file_size, numpy_to_compressed
@@ -27,7 +27,7 @@ from metaros.errors import ConfigError, DecodeError, FieldError, FrameError, Too
 from metaros.idl import message_class
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.node.parameters.files import load_text, parse_value
-from metaros.supervise.table import parse_table
+from metaros.supervise.launch_table import parse_table
 from tests.security.fuzz.files import on_disk
 from tests.security.fuzz.target import MIB, Target
 from tests.security.fuzz.wire import text_of
@@ -87,9 +87,9 @@ def broker_message(data: bytes) -> None:
     topic, payload = split(data.split(b"\xfe\xff", 2))
     ros_topic(topic)
     value = parse_payload(payload)
-    for kind in (guess_type(value), *KINDS):
+    for kind in (infer_type(value), *KINDS):
         try:
-            plain = plain_data(kind, value, payload)
+            plain = raw_data(kind, value, payload)
             cls = message_class(kind)
             message = cls(data=plain) if plain is not None else from_payload(cls, value, ignored=lambda _: None)
             codec(cls).encode(message)

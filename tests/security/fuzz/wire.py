@@ -36,8 +36,8 @@ from metaros.node.introspection import type_description
 from metaros.node.introspection.fetch import _learn
 from metaros.wire.attachment import Attachment, pack_attachment, parse_attachment
 from metaros.wire.keys import DataKey, parse_key
+from metaros.wire.liveliness_tokens import EndpointToken, NodeToken, parse_token
 from metaros.wire.qos import QoSProfile, qos_rosout, qos_sensor_data
-from metaros.wire.tokens import EndpointToken, NodeToken, parse_token
 from tests.security.fuzz.target import MIB, Target
 
 __all__ = ["TARGETS", "text_of"]
@@ -133,13 +133,13 @@ def announced_schema(data: bytes) -> None:
     to_json(kind.decode(payload))
 
 
-def told_type(data: bytes) -> None:
+def reported_type(data: bytes) -> None:
     """A peer's answer to `~/get_type_description`."""
     response = codec("type_description_interfaces/srv/GetTypeDescription_Response").decode(data)
     _learn("fuzz_msgs/msg/Told", TOLD_HASH, response)
 
 
-def told_seeds() -> tuple[str, tuple[bytes, ...]]:
+def reported_seeds() -> tuple[str, tuple[bytes, ...]]:
     """A type that no catalogue has, as a node describes it, with and without sources."""
     catalogue = Catalogue(base=default_catalogue())
     catalogue.add(parse_definition("float64[<=3] x\ngeometry_msgs/Point[] points\n", "fuzz_msgs/msg/Told"))
@@ -155,7 +155,7 @@ def told_seeds() -> tuple[str, tuple[bytes, ...]]:
     return hash_text, tuple(answers)
 
 
-TOLD_HASH, TOLD = told_seeds()
+TOLD_HASH, TOLD = reported_seeds()
 
 
 def text_target(name: str, run: Callable[[str], Any], errors: tuple[type[Exception], ...], *seeds: str) -> Target:
@@ -210,7 +210,7 @@ TARGETS = (
     ),
     Target(
         name="told type",
-        run=told_type,
+        run=reported_type,
         errors=(DecodeError, UnknownTypeError, TypeHashError, DefinitionError),
         seeds=TOLD,
         base_bytes=16 * MIB,

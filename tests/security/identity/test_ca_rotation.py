@@ -11,20 +11,20 @@ from cryptography import x509
 from edge_agent.errors import EnrolError, EnrolRefusedError
 from edge_agent.identity.certificate import vouched_roots
 from edge_agent.identity.enrol import renew
+from edge_agent.identity.enrolment_token import spki_pin
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
-from edge_agent.identity.pin import spki_pin
-from gateway.identity import desk, robots
-from gateway.identity.ca import make_intermediate, make_root, pem, voucher
-from gateway.identity.rotation import retire, rotate_root, settle
+from gateway.identity import manager, robots
+from gateway.identity.certificates.ca import make_intermediate, make_root, pem, voucher
+from gateway.identity.certificates.rotation import retire, rotate_root, settle
 from gateway.main import Ready
 from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
 from metaros.clock import SystemClock
 from tests.gateway.harness import running_gateway
-from tests.security.test_enrolment import RING, carries, enrol_robot, linked
-from tests.support.certificates import make_certificate
-from tests.support.nginx import Nginx, nginx_program
-from tests.support.uplinks import wait
+from tests.security.identity.test_enrolment import RING, carries, enrol_robot, linked
+from tests.support.robots.uplinks import wait
+from tests.support.servers.certificates import make_certificate
+from tests.support.servers.nginx import Nginx, nginx_program
 
 NOW_NS = SystemClock().wall_ns()
 
@@ -33,7 +33,7 @@ NOW_NS = SystemClock().wall_ns()
 def often(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gateway looks often at what another process wrote."""
     monkeypatch.setattr(robots, "POLL_S", 0.05)
-    monkeypatch.setattr(desk, "FOLLOW_S", 0.05)
+    monkeypatch.setattr(manager, "FOLLOW_S", 0.05)
 
 
 def work(ready: Ready, *, retiring: bool) -> None:
@@ -85,7 +85,7 @@ async def comes_to_trust(count: int, identity: RobotIdentity, state: Path, *, ol
 @pytest.mark.integration
 async def test_over_tls_a_robot_passes_from_one_root_to_the_next_and_keeps_its_link(tmp_path: Path) -> None:
     state = tmp_path / "robot"
-    async with running_gateway(tmp_path, door=RING, tls="on", require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on", require_enrolment=True) as ready:
         first = await enrol_robot(ready, state)
         (old,) = roots(first)
         async with linked(first, "grpc") as (owner, uplink):
@@ -115,7 +115,7 @@ async def test_behind_a_proxy_of_somebody_elses_a_new_root_comes_with_the_old_on
     nginx_program()
     certificate, state = make_certificate(tmp_path), tmp_path / "robot"
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
-    async with running_gateway(tmp_path, door=RING, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, require_enrolment=True) as ready:
         with Nginx(tmp_path / "nginx", ready.http_port, "/fleet", certificate) as nginx:
             first = await enrol_robot(ready, state, url=nginx.url)
             assert first.system_trust
@@ -131,7 +131,7 @@ async def test_behind_a_proxy_of_somebody_elses_a_new_root_comes_with_the_old_on
 
 
 async def test_a_link_of_a_retired_issuer_is_cut(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on", require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on", require_enrolment=True) as ready:
         identity = await enrol_robot(ready, tmp_path)
         async with linked(identity, "grpc") as (owner, uplink):
             await carries(owner, uplink)

@@ -10,21 +10,21 @@ from pathlib import Path
 import httpx
 import pytest
 
+from edge_agent.config.gateway_address import TransportSetting
 from edge_agent.errors import EnrolRefusedError, PinError, RefusedError, UnprovenError
 from edge_agent.identity.credentials import Credentials, enrolled_addresses
 from edge_agent.identity.enrol import enrol, renew
+from edge_agent.identity.enrolment_token import parse_token
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
-from edge_agent.identity.pin import parse_token
-from edge_agent.uplink.address import TransportSetting
 from edge_agent.uplink.session import AgentSession
 from edge_agent.uplink.uplink import Uplink, transports_with
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
-from tests.support.certificates import make_certificate
-from tests.support.key_ring import KeyRing
-from tests.support.nginx import Nginx, nginx_program
-from tests.support.uplinks import WHO, Owner, feed, running, wait
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.robots.uplinks import WHO, Owner, feed, running, wait
+from tests.support.servers.certificates import make_certificate
+from tests.support.servers.nginx import Nginx, nginx_program
 
 RING = KeyRing()
 ADMIN = RING.add(role=Role.ADMIN, name="ada")
@@ -88,7 +88,7 @@ async def carries(owner: Owner, uplink: Uplink) -> None:
 @pytest.mark.parametrize("tls", ["on", "off"])
 @pytest.mark.parametrize("transport", ["grpc", "websocket"])
 async def test_from_nothing_to_a_link_that_knows_the_robot(tmp_path: Path, tls: str, transport: str) -> None:
-    async with running_gateway(tmp_path, door=RING, tls=tls, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls=tls, require_enrolment=True) as ready:
         identity = await enrol_robot(ready, tmp_path)
         assert identity.grpc_tls is (tls == "on")
         async with linked(identity, "grpc" if transport == "grpc" else "websocket") as (owner, uplink):
@@ -100,7 +100,7 @@ async def test_the_identity_survives_a_proxy_that_ends_tls(tmp_path: Path, monke
     nginx_program()
     certificate = make_certificate(tmp_path)
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
-    async with running_gateway(tmp_path, door=RING, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, authenticator=RING, require_enrolment=True) as ready:
         with Nginx(tmp_path / "nginx", ready.http_port, "/fleet", certificate) as nginx:
             identity = await enrol_robot(ready, tmp_path, url=nginx.url)
             assert identity.system_trust
@@ -111,8 +111,8 @@ async def test_the_identity_survives_a_proxy_that_ends_tls(tmp_path: Path, monke
 
 async def test_a_token_is_good_once_for_its_robot_and_its_fleet(tmp_path: Path) -> None:
     async with (
-        running_gateway(tmp_path / "one", door=RING) as ready,
-        running_gateway(tmp_path / "two", door=RING) as other,
+        running_gateway(tmp_path / "one", authenticator=RING) as ready,
+        running_gateway(tmp_path / "two", authenticator=RING) as other,
     ):
         token = await order(ready, robot=ROBOT)
         with pytest.raises(PinError):
@@ -127,7 +127,7 @@ async def test_a_token_is_good_once_for_its_robot_and_its_fleet(tmp_path: Path) 
 
 
 async def test_a_live_robot_is_cut_when_it_is_revoked_and_comes_back_by_a_new_token(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on") as ready:
         identity = await enrol_robot(ready, tmp_path)
         async with linked(identity, "grpc") as (owner, uplink):
             await carries(owner, uplink)
@@ -143,7 +143,7 @@ async def test_a_live_robot_is_cut_when_it_is_revoked_and_comes_back_by_a_new_to
 
 
 async def test_a_renewed_certificate_links_and_its_key_is_new(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING, tls="on") as ready:
+    async with running_gateway(tmp_path, authenticator=RING, tls="on") as ready:
         first = await enrol_robot(ready, tmp_path)
         second = await asyncio.to_thread(renew, first, tmp_path)
         assert (second.key, second.certificate) != (first.key, first.certificate)
@@ -153,7 +153,7 @@ async def test_a_renewed_certificate_links_and_its_key_is_new(tmp_path: Path) ->
 
 
 async def test_two_renewals_with_different_keys_are_a_clone(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         identity = await enrol_robot(ready, tmp_path / "robot")
         await asyncio.to_thread(renew, identity, tmp_path / "robot")
         with pytest.raises(EnrolRefusedError, match="clone_detected"):
@@ -161,7 +161,7 @@ async def test_two_renewals_with_different_keys_are_a_clone(tmp_path: Path) -> N
 
 
 async def test_without_an_identity_nobody_speaks_for_an_enrolled_robot(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         await enrol_robot(ready, tmp_path)
         async with running(f"grpc://127.0.0.1:{ready.grpc_port}", owner=Enrolled(None)) as (owner, _):
             await wait(lambda: owner.errors)

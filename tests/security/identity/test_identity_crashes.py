@@ -15,17 +15,17 @@ import pytest
 
 from edge_agent.errors import EnrolError, IdentityFileError
 from edge_agent.identity.csr import csr_pem, make_csr
-from edge_agent.identity.door import GatewayDoor
 from edge_agent.identity.enrol import enrol, renew
+from edge_agent.identity.enrolment_token import Token, parse_token
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
+from edge_agent.identity.gateway_http import GatewayHttpClient
 from edge_agent.identity.key import public_der
-from edge_agent.identity.pin import Token, parse_token
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.test_robot_links import ADMIN, RING, alarm
 
 MOST_STEPS = 60
 FILES: tuple[tuple[Any, str], ...] = ((os, "open"), (os, "fsync"), (Path, "replace"), (Path, "unlink"))
-ANSWERS: tuple[tuple[Any, str], ...] = ((GatewayDoor, "post"),)
+ANSWERS: tuple[tuple[Any, str], ...] = ((GatewayHttpClient, "post"),)
 
 
 class KilledError(BaseException):
@@ -100,7 +100,7 @@ async def cut(
 async def test_a_death_at_any_step_costs_neither_identity_nor_alarm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, death: Callable[[], BaseException]
 ) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, client(ready, key=ADMIN) as http:
         for after in range(1, MOST_STEPS):
             state = tmp_path / f"robot{after}"
             first = partial(enrol, await order(http), url=ready.url, robot_id="arm", state_dir=state)
@@ -120,7 +120,7 @@ async def test_a_death_at_any_step_costs_neither_identity_nor_alarm(
 
 
 async def test_the_same_command_again_is_no_attack(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, client(ready, key=ADMIN) as http:
         job = partial(enrol, await order(http), url=ready.url, robot_id="arm")
         first = await asyncio.to_thread(job, state_dir=tmp_path / "robot")
         assert await asyncio.to_thread(job, state_dir=tmp_path / "robot") == first
@@ -143,14 +143,14 @@ def test_a_bad_token_does_not_take_a_renewals_key_away(tmp_path: Path) -> None:
 
 
 async def test_a_gateway_that_dies_before_it_answers_gives_the_same_answer_again(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+    async with running_gateway(tmp_path, authenticator=RING) as ready, client(ready, key=ADMIN) as http:
         token = await order(http)
         fleet = (await http.get("/api/v1/enrol/roots")).json()["fleet"]
         key = IdentityFiles(tmp_path / "robot").pending_key(f"token {token.id} arm")
         request = csr_pem(make_csr(key, fleet=fleet, robot_id="arm"))
         body = {"token": token.text, "robot": "arm", "csr": request}
         first = (await http.post("/api/v1/enrol", json=body)).json()  # the robot never hears it
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         job = partial(enrol, token, url=ready.url, robot_id="arm", state_dir=tmp_path / "robot")
         identity = await asyncio.to_thread(job)
         assert identity.certificate == first["certificate"]

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.api import attendance
+from gateway.api import open_connections
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 
 def local_key(ready: Ready) -> str:
@@ -22,7 +22,7 @@ def local_key(ready: Ready) -> str:
 
 
 async def test_a_key_of_some_robots_from_its_making_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
+    monkeypatch.setattr(open_connections, "LIMITS", replace(LIMITS, credential_check_s=0.02))
     async with running_gateway(tmp_path, anonymous=False) as ready, client(ready, key=local_key(ready)) as admin:
         async with (
             ScriptedAgent(ready, "hall_1", session=b"h" * 16),
@@ -54,7 +54,7 @@ async def test_a_key_of_some_robots_from_its_making_to_its_end(tmp_path: Path, m
 async def test_nobody_makes_a_key_that_may_more_than_its_maker(tmp_path: Path) -> None:
     ring = KeyRing()
     asked = {"name": "more", "role": "admin", "robots": ["*"]}
-    async with running_gateway(tmp_path, door=ring) as ready:
+    async with running_gateway(tmp_path, authenticator=ring) as ready:
         for key in ("", ring.add(role=Role.VIEWER), ring.add(role=Role.OPERATOR, robots=("lab_*",))):
             async with client(ready, key=key) as http:
                 assert (await http.post("/api/v1/keys", json=asked)).status_code in (400, 401, 403)

@@ -16,18 +16,18 @@ import pytest
 import metaros
 from edge_agent.errors import EnrolRefusedError
 from edge_agent.identity.enrol import enrol, renew
+from edge_agent.identity.enrolment_token import parse_token, spki_pin
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
-from edge_agent.identity.pin import parse_token, spki_pin
 from metaros.errors import MetarosError
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import open_bag
 from tests.docs.console import Command, World, commands_of, environment, matches
-from tests.support.command_line import Done, call_metaros
-from tests.support.key_ring import bearer
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.processes.command_line import Done, call_metaros
 from tests.support.waiting import wait_until
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "rotate_keys.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "howto" / "rotate_keys.md"
 MARKER = "sealed before anything was rotated"
 
 
@@ -151,9 +151,9 @@ def before_retiring(fleet: Fleet) -> None:
     wait_until(lambda: fleet.identity().certificate != fleet.kept["first"].certificate)
     wait_until(fleet.online)
     wait_until(lambda: fleet.issuers()[0]["robots"] == 1)
-    told = fleet.run("ca", "retire", "--data-dir", "kept", code=1).err
-    assert "arm_2" in told
-    assert "arm_1" not in told
+    reported = fleet.run("ca", "retire", "--data-dir", "kept", code=1).err
+    assert "arm_2" in reported
+    assert "arm_1" not in reported
     fleet.kept["off"] = renew(fleet.kept["off"], fleet.folder / ".metaros" / "agent" / "arm_2")
     assert fleet.issuers()[0]["robots"] == 2
 

@@ -16,14 +16,14 @@ import httpx
 import pytest
 
 from edge_agent.identity.files import IdentityFiles
-from gateway.identity.local import LOCAL_KEY_FILE
-from gateway.names import outward_address
+from gateway.domain.host_names import outward_address
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from metaros._proto import link_pb2, link_pb2_grpc
-from tests.support.command_line import call_metaros
-from tests.support.stack import Program, Stack
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-GUIDE = Path(__file__).parents[2] / "docs" / "howto" / "enrol_a_robot.md"
+GUIDE = Path(__file__).parents[3] / "docs" / "howto" / "enrol_a_robot.md"
 DATA = Path(".metaros") / "gateway"
 
 pytestmark = [
@@ -111,11 +111,11 @@ def copies_the_name_alone(stack: Stack, data: Path, monkeypatch: pytest.MonkeyPa
 def speaks_mtls(stack: Stack, office: Path, robot: Path, transport: str) -> None:
     """The page's commands, in the office and on the robot; until the office takes the identity away."""
     data = office / DATA
-    told = run(written("metaros robot token"), office).splitlines()[0]
-    shape = re.sub(r"mr1\.\S+", "mr1.…", told)
+    reported = run(written("metaros robot token"), office).splitlines()[0]
+    shape = re.sub(r"mr1\.\S+", "mr1.…", reported)
     shape = re.sub(r"https://\S+", "https://fleet.example:8080", shape)
     assert shape == written("metaros agent enrol")  # what is printed is what the page shows
-    assert "enrolled arm_1" in run(told, robot)
+    assert "enrolled arm_1" in run(reported, robot)
 
     chosen = robot / "agent.toml"
     chosen.write_text(f'transport = "{transport}"\n')

@@ -19,16 +19,16 @@ import zstandard
 from google.protobuf.message import DecodeError as ProtobufError
 from pydantic import ValidationError
 
-from edge_agent.config import load_settings
-from gateway.api import models
+from edge_agent.config.settings import load_settings
+from gateway.api.models import common
 from gateway.api.ws.requests import read_request
 from gateway.errors import GatewayError, InvalidRequestError, ProtocolError
-from gateway.fleet.types import TypeBook
-from gateway.ingest.hello import check_hello, read_channel
+from gateway.fleet.ros.types import TypeRegistry
+from gateway.ingest.handshake import check_hello, read_channel
 from gateway.ingest.session import Session
 from gateway.ingest.streams import StreamTable
-from gateway.store import chunks
-from gateway.store.segments import open_chunk
+from gateway.store.telemetry import chunks
+from gateway.store.telemetry.segments import open_chunk
 from metaros._proto import link_pb2
 from metaros.broker.frames import parse_payload
 from metaros.cdr import codec
@@ -37,11 +37,11 @@ from metaros.errors import ConfigError, DecodeError, DefinitionError, FrameError
 from metaros.idl import Catalogue, add_schema_text, parse_definition
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.limits import LIMITS
-from metaros.link import Reassembler, expand, unpack_batch, unpack_metrics
+from metaros.link import Reassembler, decompress, unpack_batch, unpack_metrics
 from metaros.mcap import MalformedChunkError, read_chunk
 from metaros.record.bag_index import read_index
 from metaros.record.qos_yaml import read_qos
-from metaros.supervise.table import parse_table
+from metaros.supervise.launch_table import parse_table
 
 pytestmark = pytest.mark.integration
 
@@ -112,7 +112,7 @@ BATCHES: dict[str, Callable[[], link_pb2.Batch]] = {
 @pytest.mark.parametrize("name", BATCHES)
 def test_a_batch(name: str) -> None:
     bomb = BATCHES[name]()
-    refused(lambda: unpack_batch(expand(bomb)), FrameError)
+    refused(lambda: unpack_batch(decompress(bomb)), FrameError)
 
 
 def test_pieces_without_end_take_no_more_than_was_announced() -> None:
@@ -300,7 +300,7 @@ def test_a_type_whose_least_message_is_large_is_not_sent() -> None:
     )
     setattr(said, "class", 3)
     known = read_channel("r", said, limits=LIMITS)
-    refused(lambda: TypeBook().encode("a/msg/Big", {}, known), InvalidRequestError, bound=2 * MIB)
+    refused(lambda: TypeRegistry().encode("a/msg/Big", {}, known), InvalidRequestError, bound=2 * MIB)
 
 
 def test_a_definition_over_its_limit() -> None:
@@ -364,7 +364,7 @@ def test_json_that_is_deep(name: str) -> None:
     text = DEEP[name]
     refused(lambda: read_request(text[: LIMITS.json_bytes]), InvalidRequestError, bound=BOUND)
     refused(lambda: parse_payload(text.encode()), FrameError, bound=BOUND)
-    refused(lambda: models.PublishRequest.model_validate_json(text), ValidationError, bound=BOUND)
+    refused(lambda: common.PublishRequest.model_validate_json(text), ValidationError, bound=BOUND)
     whole = text + ("]" if text[0] == "[" else "1}") * text.count("a" if text[0] == "{" else "[")
     refused(lambda: parse_payload(whole.encode()), FrameError, bound=BOUND)
 

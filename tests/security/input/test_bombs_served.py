@@ -1,4 +1,4 @@
-"""Bombs at the doors of a real gateway, which goes on to serve others."""
+"""Bombs at the endpoints of a real gateway, which goes on to serve others."""
 
 from __future__ import annotations
 

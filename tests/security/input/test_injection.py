@@ -8,8 +8,8 @@ import pytest
 
 from gateway.domain.robot import is_robot_id
 from gateway.errors import InvalidRequestError, ProtocolError
-from gateway.ingest.hello import read_channel
-from metaros.cli.output import Output, inert
+from gateway.ingest.handshake import read_channel
+from metaros.cli.shared.output import Output, sanitize
 from metaros.limits import LIMITS
 from tests.gateway.harness import channel
 
@@ -49,9 +49,9 @@ def test_there_are_enough_strings() -> None:
 
 
 def test_control_codes_are_written_out_and_what_is_printable_stays() -> None:
-    wrong = [ascii(text) for text in STRINGS if not inert(text).isprintable() or inert(text) == text]
-    wrong += [ascii(text) for text in STRINGS if inert(inert(text)) != inert(text)]
-    wrong += [text for text in ("sim_1", "Grüße", "🤖", "日本", *MARKUP) if inert(text) != text]
+    wrong = [ascii(text) for text in STRINGS if not sanitize(text).isprintable() or sanitize(text) == text]
+    wrong += [ascii(text) for text in STRINGS if sanitize(sanitize(text)) != sanitize(text)]
+    wrong += [text for text in ("sim_1", "Grüße", "🤖", "日本", *MARKUP) if sanitize(text) != text]
     assert wrong == []
 
 
@@ -63,7 +63,7 @@ def test_a_table_and_a_list_have_a_row_for_each_name(capsys: pytest.CaptureFixtu
     assert all(line.isprintable() for line in shown.split("\n"))
 
 
-def test_a_table_on_a_terminal_is_inert_too(
+def test_a_table_on_a_terminal_is_harmless_too(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)

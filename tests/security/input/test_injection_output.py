@@ -18,19 +18,19 @@ import pytest
 from rich.console import Console
 
 from metaros.cli.main import main
-from metaros.cli.output import Output
-from metaros.cli.top import _print as print_top
-from metaros.cli.top_drops import DropRow
-from metaros.cli.top_rows import NodeRow, Screenful, TopicRow
-from metaros.cli.top_screen import render
+from metaros.cli.shared.output import Output
+from metaros.cli.top.commands import _print as print_top
+from metaros.cli.top.drops import DropRow
+from metaros.cli.top.rows import NodeRow, Screenful, TopicRow
+from metaros.cli.top.screen import render
 from metaros.errors import TokenError
-from metaros.inert import InertFormatter, inert_json
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import export_csv, export_json, open_bag
-from metaros.wire.tokens import parse_token
-from tests.security.test_injection import MARKUP, STRINGS
-from tests.support.bags import arrivals, write_bag
-from tests.support.hostile_gateway import hostile_gateway
+from metaros.sanitize import SanitizingFormatter, sanitize_json
+from metaros.wire.liveliness_tokens import parse_token
+from tests.security.input.test_injection import MARKUP, STRINGS
+from tests.support.nodes.bags import arrivals, write_bag
+from tests.support.servers.hostile_gateway import hostile_gateway
 
 pytestmark = pytest.mark.integration
 
@@ -139,7 +139,7 @@ def test_a_log_has_a_line_for_each_record(program: str, tmp_path: Path) -> None:
 
 
 def test_a_record_is_one_line() -> None:
-    formatter = InertFormatter("%(levelname)s %(name)s %(message)s")
+    formatter = SanitizingFormatter("%(levelname)s %(name)s %(message)s")
     records = (logging.LogRecord(text, logging.ERROR, text, 1, "robot %s", (text,), None) for text in STRINGS)
     shown = [formatter.format(record) for record in records]
     assert [line for line in shown if not (line.isprintable() and line.startswith("ERROR "))] == []
@@ -179,7 +179,7 @@ def test_a_list_has_a_row_for_each(
 
 
 @pytest.mark.parametrize("words", SINGLE, ids=" ".join)
-def test_what_is_made_is_printed_inert(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_made_is_printed_harmless(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     rows = {}
     answers: dict[str, Any] = {}
     with hostile_gateway(answers) as url:
@@ -194,7 +194,7 @@ def test_what_is_made_is_printed_inert(words: tuple[str, ...], capsys: pytest.Ca
 
 
 @pytest.mark.parametrize("status", [401, 404, 500])
-def test_a_refusal_is_inert(status: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_refusal_is_harmless(status: int, capsys: pytest.CaptureFixture[str]) -> None:
     answers: dict[str, Any] = {}
     texts = (*ALL[:12], *ALL[-22:])
     with hostile_gateway(answers, status=status) as url:
@@ -206,7 +206,7 @@ def test_a_refusal_is_inert(status: int, capsys: pytest.CaptureFixture[str]) -> 
             assert said.startswith("error: no ")
 
 
-def test_top_is_inert(capsys: pytest.CaptureFixture[str]) -> None:
+def test_top_is_harmless(capsys: pytest.CaptureFixture[str]) -> None:
     screenful = Screenful(
         tuple(TopicRow(text, text, 1.0, 1.0, 1, 1) for text in ALL),
         tuple(NodeRow(text, 1, 1, 1, 5, 1.0) for text in ALL),
@@ -261,7 +261,7 @@ def test_tables_for_spreadsheets_hold_no_formula(tmp_path: Path) -> None:
     assert {"-1.5", "+7"} <= set(cells)
 
 
-def test_json_lines_are_inert_and_say_the_same(tmp_path: Path) -> None:
+def test_json_lines_are_harmless_and_say_the_same(tmp_path: Path) -> None:
     texts = [text for text in (*ALL, "\U000e0041", "\U0001f916") if not set(text) & {"\0", "\ud800"}]
     write_bag(tmp_path / "in.mcap", arrivals("/a", [String(data=text) for text in texts]))
     out = io.StringIO()
@@ -269,4 +269,4 @@ def test_json_lines_are_inert_and_say_the_same(tmp_path: Path) -> None:
     lines = out.getvalue().strip("\n").split("\n")
     assert [line for line in lines if not line.isprintable()] == []
     assert [json.loads(line)["message"]["data"] for line in lines] == texts
-    assert json.loads(inert_json(json.dumps("\ud800", ensure_ascii=False))) == "\ud800"
+    assert json.loads(sanitize_json(json.dumps("\ud800", ensure_ascii=False))) == "\ud800"

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.domain.principal import Role
 from tests.gateway.harness import ScriptedAgent, hear, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 TOGETHER = 8  # on one socket: it may have only so many subscriptions
 HALF = '"\\ud800"'  # half of a character: JSON can say it, UTF-8 cannot
@@ -84,7 +84,7 @@ async def test_an_odd_frame_ends_nothing_but_itself(
 async def test_a_socket_that_drives_a_robot_out_of_scope_is_not_there(tmp_path: Path) -> None:
     ring = KeyRing()
     key = ring.add(role=Role.OPERATOR, robots=("lab_*",))
-    async with running_gateway(tmp_path, door=ring) as ready:
+    async with running_gateway(tmp_path, authenticator=ring) as ready:
         async with (
             ScriptedAgent(ready, "hall_1") as hidden,
             ScriptedAgent(ready, "lab_1", session=b"l" * 16) as seen,

@@ -11,8 +11,8 @@ import pytest
 
 from tests.gateway.harness import ScriptedAgent, running_gateway
 from tests.gateway.store.conftest import store_url  # noqa: F401 - both databases
-from tests.support.key_ring import bearer
-from tests.support.plain_http import FREE, PlainHttp, plain_http
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import FREE, PlainHttp, plain_http
 
 HUGE = 10**40
 # In addresses and queries, and the same in JSON: half a character and NaN can only stand in the latter.

@@ -12,15 +12,15 @@ import pytest
 from starlette.applications import Starlette
 from starlette.routing import Mount
 
-from edge_agent.blackbox.shelf import Shelf
-from gateway.api.static import Dashboard
-from gateway.domain.recording import is_recording_id
+from edge_agent.blackbox.recording_store import RecordingStore
+from gateway.api.middleware.static import Dashboard
+from gateway.domain.fleet.recording import is_recording_id
 from gateway.domain.robot import is_robot_id
 from gateway.errors import GatewayError, ObjectMissingError, ObjectRefusedError, ProtocolError
-from gateway.ingest.hello import check_hello
-from gateway.objects.directory import DirectoryStore
-from gateway.objects.s3 import S3Store
-from gateway.objects.urls import BucketUrl
+from gateway.ingest.handshake import check_hello
+from gateway.store.objects.directory import DirectoryStore
+from gateway.store.objects.s3 import S3Store
+from gateway.store.objects.urls import BucketUrl
 from metaros._proto import link_pb2
 from metaros.errors import ConfigError, NameError_
 from metaros.idl import names
@@ -215,7 +215,7 @@ async def test_the_dashboard_serves_nothing_but_its_files(root: Path) -> None:
 
 def test_recordings_that_wait_are_found_by_their_ids_alone(root: Path, tmp_path: Path) -> None:
     before = tree(tmp_path)
-    shelf = Shelf(root)
+    shelf = RecordingStore(root)
     for name in NAMES:
         assert shelf.get(name) is None
         shelf.remove(name)

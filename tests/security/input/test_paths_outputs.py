@@ -14,21 +14,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edge_agent.blackbox.shelf import Shelf
-from edge_agent.cli_status import directories
-from edge_agent.state_dir import default_state_dir
-from gateway.recordings.incoming import Incoming
+from edge_agent.blackbox.recording_store import RecordingStore
+from edge_agent.cli.status import directories
+from edge_agent.state.state_dir import default_state_dir
+from gateway.history.recordings.partial_files import PartialFiles
 from metaros.cli.main import main
 from metaros.errors import ConfigError, UsageError
 from metaros.interfaces.sensor_msgs.msg import Image
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import export_csv, export_images, open_bag
-from metaros.supervise.table import parse_table
+from metaros.supervise.launch_table import parse_table
 from tests.gateway.harness import running_gateway
-from tests.gateway.recordings.robot import RecordingRobot, content
-from tests.security.test_paths import NAMES, root, tree
-from tests.support.bags import arrivals, write_bag
-from tests.support.hostile_gateway import hostile_gateway
+from tests.gateway.history.recordings.robot import RecordingRobot, content
+from tests.security.input.test_paths import NAMES, root, tree
+from tests.support.nodes.bags import arrivals, write_bag
+from tests.support.servers.hostile_gateway import hostile_gateway
 
 __all__ = ["root"]  # the fixture
 
@@ -178,7 +178,7 @@ def test_an_agents_state_is_below_its_folder(here: Path, tmp_path: Path) -> None
 
 
 def test_a_clip_on_a_robot_is_called_by_an_id(root: Path, tmp_path: Path) -> None:
-    before, shelf = tree(tmp_path), Shelf(root)
+    before, shelf = tree(tmp_path), RecordingStore(root)
     shelf.check(ID)
     for name in (*NAMES, f"{ID}\n", f"{ID}/..", f"../{ID}", ID.lower()):
         with pytest.raises(UsageError):
@@ -187,7 +187,7 @@ def test_a_clip_on_a_robot_is_called_by_an_id(root: Path, tmp_path: Path) -> Non
 
 
 def test_what_comes_to_a_gateway_is_called_by_an_id(root: Path, tmp_path: Path) -> None:
-    incoming = Incoming(root / "incoming", reserve_bytes=0)
+    incoming = PartialFiles(root / "incoming", reserve_bytes=0)
     before = tree(tmp_path)
     good = incoming.file(ID, sha256=SHA256, size_bytes=1)
     assert good.path.parent == root / "incoming"

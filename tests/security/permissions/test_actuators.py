@@ -1,8 +1,8 @@
-"""Every door to an actuator, in every state of the lease: refused unless lease and stamp are good.
+"""Every endpoint to an actuator, in every state of the lease: refused unless lease and stamp are good.
 
 A real gateway and a real agent in this process; what counts is what the robot's base hears. Each case is run twice:
 with a gateway that checks the lease itself, and with one that lets everything through, so that only the agent stands
-in the way. A new door is a new row of DOORS.
+in the way. A new endpoint is a new row of ENDPOINTS.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import grpc
 import httpx
 import pytest
 
-from edge_agent.config import Settings as AgentSettings
+from edge_agent.config.settings import Settings as AgentSettings
 from edge_agent.main import run_agent
 from gateway.main import Ready
 from metaros._proto import fleet_pb2, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
@@ -35,8 +35,8 @@ from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
 from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, client, open_socket, running_gateway
-from tests.support.counter import FIBONACCI
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.nodes.counter import FIBONACCI
 
 TWIST = "geometry_msgs/msg/Twist"
 BASE = "/api/v1/robots/sim_1"
@@ -76,7 +76,7 @@ class World:
         )
 
 
-Door = Callable[[World, float, str, int], Awaitable[str]]
+Endpoint = Callable[[World, float, str, int], Awaitable[str]]
 
 
 def code_of(error: grpc.aio.AioRpcError) -> str:
@@ -220,7 +220,7 @@ async def rosbridge_goal(world: World, speed: float, lease: str, sent_ns: int) -
 
 
 STAMPLESS = ("Foxglove publish", "rosbridge goal")  # do not say when they were made: they are made when they come
-DOORS: dict[str, Door] = {
+ENDPOINTS: dict[str, Endpoint] = {
     "REST publish": rest_json,
     "REST publish under a key": rest_once,
     "REST publish, full name": rest_full_name,
@@ -289,11 +289,11 @@ async def until_online(made: World) -> None:
         await asyncio.sleep(0.05)
 
 
-async def until_driven(made: World, door: Door) -> None:
+async def until_driven(made: World, endpoint: Endpoint) -> None:
     """The good case: a fresh stamp gets through; on a busy machine one may come too late, or unheard."""
     speed, lease = float(next(made.speeds)), await made.take()
     for _ in range(200):
-        said = await door(made, speed, lease, SystemClock().wall_ns())
+        said = await endpoint(made, speed, lease, SystemClock().wall_ns())
         if said == "lease_required":
             lease = await made.take()
         else:
@@ -316,37 +316,39 @@ async def another_robots_lease(made: World) -> str:
 
 @pytest.mark.integration
 @pytest.mark.parametrize("checks", [True, False], ids=["gateway checks", "agent alone"])
-async def test_every_door_in_every_state_of_the_lease(
+async def test_every_endpoint_in_every_state_of_the_lease(
     tmp_path: Path, zenoh_router: str, heard: list[float], checks: bool
 ) -> None:
     async with world(tmp_path, zenoh_router, heard, checks=checks) as made:
-        elsewhere = await another_robots_lease(made)
-        for name, door in DOORS.items():
-            await until_driven(made, door)
+        remote = await another_robots_lease(made)
+        for name, endpoint in ENDPOINTS.items():
+            await until_driven(made, endpoint)
             allowed = len(heard)
-            assert await door(made, -1.0, "", 0) == "lease_required", f"{name} without a lease"
+            assert await endpoint(made, -1.0, "", 0) == "lease_required", f"{name} without a lease"
             lease = await made.take()
-            assert await door(made, -2.0, "guess", 0) == "lease_required", f"{name}, somebody else's lease"
-            assert await door(made, -2.5, elsewhere, 0) == "lease_required", f"{name}, another robot's lease"
+            assert await endpoint(made, -2.0, "guess", 0) == "lease_required", f"{name}, somebody else's lease"
+            assert await endpoint(made, -2.5, remote, 0) == "lease_required", f"{name}, another robot's lease"
             if name not in STAMPLESS:
-                assert await door(made, -3.0, lease, SystemClock().wall_ns() - OLD_NS) == "stale", name
+                assert await endpoint(made, -3.0, lease, SystemClock().wall_ns() - OLD_NS) == "stale", name
             assert len(heard) == allowed
             await made.release(lease)
-            assert await door(made, -4.0, lease, 0) == "lease_required", f"{name} after the lease was given back"
+            assert await endpoint(made, -4.0, lease, 0) == "lease_required", f"{name} after the lease was given back"
         gone = await made.take("sleeper")
         other = await made.take("other")  # which is to be had once the first has run out
-        for name, door in DOORS.items():
-            assert await door(made, -5.0, gone, 0) == "lease_required", f"{name} with an expired lease"
+        for name, endpoint in ENDPOINTS.items():
+            assert await endpoint(made, -5.0, gone, 0) == "lease_required", f"{name} with an expired lease"
         await made.release(other)
-        for name, door in DOORS.items():
-            assert await door(made, -6.0, gone, 0) == "lease_required", f"{name} with an expired lease, nobody drives"
+        for name, endpoint in ENDPOINTS.items():
+            assert await endpoint(made, -6.0, gone, 0) == "lease_required", (
+                f"{name} with an expired lease, nobody drives"
+            )
         await until_driven(made, rest_json)  # whatever was let through before this would be heard by now
         assert min(heard) > 0, heard
 
 
 @pytest.mark.integration
 async def test_the_wheels(tmp_path: Path, zenoh_router: str, heard: list[float]) -> None:
-    """The two doors that take the lease themselves: a teleop socket, and a stream over gRPC."""
+    """The two endpoints that take the lease themselves: a teleop socket, and a stream over gRPC."""
     async with world(tmp_path, zenoh_router, heard, checks=True) as made:
         async with open_socket(made.ready, f"{BASE}/teleop") as socket:
 

@@ -10,11 +10,11 @@ import pytest
 from botocore import xform_name
 from botocore.exceptions import ClientError
 
+from gateway.automation.functions.catalogue.operations import OPERATIONS
+from gateway.automation.functions.catalogue.shapes import model
 from gateway.domain.principal import Role
-from gateway.functions.catalogue_shapes import model
-from gateway.functions.catalogue_table import OPERATIONS
 from gateway.identity.permissions import permission
-from tests.support.lambda_gateway import LambdaGateway, lambda_gateway
+from tests.support.gateways.lambda_gateway import LambdaGateway, lambda_gateway
 
 # The table a second time, from the other side: the least role of each group of operations.
 LEAST = {"functions.read": Role.VIEWER, "functions.invoke": Role.OPERATOR, "functions.write": Role.ADMIN}

@@ -19,21 +19,22 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Subprotocol
 
 from gateway.api import ROUTERS
-from gateway.api.allow import BARE, RPCS, allow, declared, routes_of
-from gateway.app import Gateway
+from gateway.api.authorization import PATH_PERMISSIONS, RPC_PERMISSIONS, permissions_of, require_permission, routes_of
+from gateway.app import create_app
 from gateway.domain.principal import Principal, Role
 from gateway.identity.permissions import PERMISSIONS, permission
 from gateway.main import Ready
 from gateway.settings import Settings
+from gateway.wiring.gateway import Gateway
 from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, link_pb2, telemetry_pb2
 from metaros.clock import SystemClock
 from tests.gateway.harness import ScriptedAgent, bearer, client, running_gateway
-from tests.support.key_ring import KeyRing
-from tests.support.plain_http import FREE, PlainHttp, plain_http
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.gateways.plain_http import FREE, PlainHttp, plain_http
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("permission matrix")]
 
-SIGNED = "/lambda/{path:path}"  # takes no credential but signatures: tests/security/test_lambda_matrix.py
+SIGNED = "/lambda/{path:path}"  # takes no credential but signatures: tests/security/permissions/test_lambda_matrix.py
 OPERATIONS = [(method, path, rows[0].name) for method, path, rows in routes_of(ROUTERS) if rows and path != SIGNED]
 
 # The table a second time, from the other side: what each of these gets. A role that changes has to change here too.
@@ -137,7 +138,9 @@ async def world(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[World
     async with AsyncExitStack() as stack:
         for anonymous in (True, False):
             folder = tmp_path_factory.mktemp("gateway")
-            running = running_gateway(folder, door=people.ring, anonymous=anonymous, allow_hosts=("fleet",), **FREE)
+            running = running_gateway(
+                folder, authenticator=people.ring, anonymous=anonymous, allow_hosts=("fleet",), **FREE
+            )
             ready = await stack.enter_async_context(running)
             for robot in ("sim_1", "other_1"):
                 agent = ScriptedAgent(ready, robot, session=robot.encode().ljust(16))
@@ -171,7 +174,7 @@ async def ask(http: PlainHttp, method: str, path: str, **headers: str) -> tuple[
     return await http.ask(method, path, b"{}", **{"Content-Type": "application/json", **headers})
 
 
-async def knock(ready: Ready, path: str, key: str) -> tuple[int, str]:
+async def attempt(ready: Ready, path: str, key: str) -> tuple[int, str]:
     """The same of a socket; (101, "") where it opened."""
     url = ready.url.replace("http", "ws", 1) + path
     link = path == "/api/v1/link"
@@ -209,7 +212,7 @@ def undeclared(app: Any) -> list[str]:
         inner = getattr(route, "original_router", None)  # how newer FastAPI keeps a router that was included
         if inner is not None:
             found += undeclared(inner)
-        elif len(declared(route)) != 1 and (getattr(route, "path", "") or "/") not in BARE:
+        elif len(permissions_of(route)) != 1 and (getattr(route, "path", "") or "/") not in PATH_PERMISSIONS:
             found.append(str(getattr(route, "path", route)))
     return found
 
@@ -217,16 +220,18 @@ def undeclared(app: Any) -> list[str]:
 async def test_a_route_without_a_permission_fails_wherever_it_is_added(tmp_path: Path) -> None:
     gateway = Gateway(Settings(data_dir=tmp_path), clock=SystemClock())
     try:
-        app: Any = gateway.api
+        app: Any = create_app(gateway)
         while not hasattr(app, "routes"):
             app = app._app
         assert undeclared(app) == []
         assert len(app.routes) > 5
-        assert sum(1 for route in app.routes if isinstance(route, Mount | Route)) >= len(BARE)
+        assert sum(1 for route in app.routes if isinstance(route, Mount | Route)) >= len(PATH_PERMISSIONS)
         router = APIRouter(prefix="/api/v1")
         router.add_api_route("/open", lambda: None, dependencies=[Depends(lambda: None)])
         router.add_api_websocket_route("/open_socket", lambda socket: None)
-        router.add_api_route("/twice", lambda: None, dependencies=[allow("robots.read"), allow("api.read")])
+        router.add_api_route(
+            "/twice", lambda: None, dependencies=[require_permission("robots.read"), require_permission("api.read")]
+        )
         app.include_router(router)
         app.add_api_route("/api/v1/beside", lambda: None)
         app.mount("/files", FastAPI())
@@ -241,8 +246,8 @@ async def test_every_rpc_has_a_row() -> None:
     files = [module.DESCRIPTOR for module in modules]
     services = [service for file in files for service in file.services_by_name.values()]
     methods = {f"/{service.full_name}/{method.name}" for service in services for method in service.methods}
-    assert methods == {path for path in RPCS if path.startswith("/metaros.")}
-    assert {permission(name).who for path, name in RPCS.items() if "/metaros.v1.Link/" in path} == {"robots"}
+    assert methods == {path for path in RPC_PERMISSIONS if path.startswith("/metaros.")}
+    assert {permission(name).who for path, name in RPC_PERMISSIONS.items() if "/metaros.v1.Link/" in path} == {"robots"}
 
 
 async def test_everybody_on_every_operation_and_socket(world: World) -> None:
@@ -255,7 +260,7 @@ async def test_everybody_on_every_operation_and_socket(world: World) -> None:
                 if "{recording_id}" in path and not recording:
                     recording = await recording_of(where, people, "sim_1")
                 place, mark = concrete(path, recording=recording), EXPECTED[name][column]
-                got = await (knock(where, place, key) if method == "SOCKET" else ask(http, method, place))
+                got = await (attempt(where, place, key) if method == "SOCKET" else ask(http, method, place))
                 recording = "" if method == "DELETE" else recording
                 right = got == CODES[mark] if mark in CODES else got[1] not in GATE
                 asked += 1
@@ -276,7 +281,7 @@ async def test_a_robot_out_of_scope_does_not_exist(world: World) -> None:
             answers = []
             for robot, recording in (("sim_1", theirs), ("no_such", "01J" + "0" * 23)):
                 place = concrete(path, robot=robot, recording=recording)
-                answers.append(await (knock(ready, place, key) if method == "SOCKET" else ask(plain, method, place)))
+                answers.append(await (attempt(ready, place, key) if method == "SOCKET" else ask(plain, method, place)))
             hidden = "unknown_recording" if "{recording_id}" in path else "unknown_robot"
             if answers != [(404, hidden)] * 2:
                 wrong.append((method, path, answers))

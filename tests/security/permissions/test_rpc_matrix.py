@@ -18,18 +18,18 @@ import grpc
 import pytest
 from google.protobuf.message_factory import GetMessageClass
 
-from gateway.api.allow import RPCS
-from gateway.api.grpc.authenticate import Gate
+from gateway.api.authorization import RPC_PERMISSIONS
+from gateway.api.grpc.authenticate import CallAuthorizer
 from gateway.api.grpc.errors import CODE_KEY
 from gateway.api.grpc.serving import add_programs
 from gateway.domain.principal import Principal, Role
-from gateway.identity.ca import key_pem
+from gateway.identity.certificates.ca import key_pem
 from gateway.identity.permissions import permission
 from gateway.ingest.link_service import LinkService
 from gateway.main import Ready
 from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc, telemetry_pb2
 from tests.gateway.harness import ScriptedAgent, client, running_gateway
-from tests.gateway.identity.desks import Held
+from tests.gateway.identity.identity_rig import Held
 from tests.gateway.test_robot_links import (
     ADMIN,
     RING,
@@ -42,8 +42,8 @@ from tests.gateway.test_robot_links import (
     tls_gateway,
     tls_lane,
 )
-from tests.support.key_ring import bearer
-from tests.support.plain_http import FREE
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import FREE
 
 KEYS = {
     "anonymous": "",
@@ -72,7 +72,7 @@ class Registered:
         self.methods: set[str] = set()
 
     def add_generic_rpc_handlers(self, handlers: Any) -> None:
-        """Each can be asked for a method only by name; the names come by the other door."""
+        """Each can be asked for a method only by name; the names come by the other endpoint."""
 
     def add_registered_method_handlers(self, service: str, handlers: dict[str, Any]) -> None:
         """By name."""
@@ -81,7 +81,7 @@ class Registered:
 
 def undeclared(methods: set[str]) -> set[str]:
     """RPCs without a row of the table."""
-    return {method for method in methods if method not in RPCS}
+    return {method for method in methods if method not in RPC_PERMISSIONS}
 
 
 @pytest.fixture
@@ -108,10 +108,12 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
     async with running_gateway(tmp_path):
         assert registered.methods, "the gateway has a server, and it has methods"
     assert undeclared(registered.methods) == set()
-    assert registered.methods == set(RPCS), "and the table names none that is not there"
-    assert {permission(name).who for path, name in RPCS.items() if "Link" in path} == {"robots"}
-    assert {permission(name).who for path, name in RPCS.items() if path[1:].startswith(PROGRAMS)} == {"people"}
-    assert {permission(name).who for path, name in RPCS.items() if "/grpc." in path} == {"anyone"}
+    assert registered.methods == set(RPC_PERMISSIONS), "and the table names none that is not there"
+    assert {permission(name).who for path, name in RPC_PERMISSIONS.items() if "Link" in path} == {"robots"}
+    assert {permission(name).who for path, name in RPC_PERMISSIONS.items() if path[1:].startswith(PROGRAMS)} == {
+        "people"
+    }
+    assert {permission(name).who for path, name in RPC_PERMISSIONS.items() if "/grpc." in path} == {"anyone"}
     handlers = {"Shutdown": grpc.unary_unary_rpc_method_handler(lambda request, context: request)}
     registered.add_registered_method_handlers("metaros.v1.Link", handlers)
     assert undeclared(registered.methods) == {"/metaros.v1.Link/Shutdown"}, "one without a row is seen"
@@ -120,7 +122,7 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
 def test_the_handlers_are_those_of_the_description() -> None:
     seen = Registered()
     link_pb2_grpc.add_LinkServicer_to_server(LinkService.__new__(LinkService), seen)
-    add_programs(cast(Any, seen), Gate.__new__(Gate))
+    add_programs(cast(Any, seen), CallAuthorizer.__new__(CallAuthorizer))
     files = (link_pb2.DESCRIPTOR, *PROTOS)
     services = [service for file in files for service in file.services_by_name.values()]
     described = {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
@@ -135,7 +137,7 @@ async def plain(ready: Ready, hello: link_pb2.Hello, held: Held | None = None, *
 
 
 async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path / "a", door=RING) as ready:
+    async with running_gateway(tmp_path / "a", authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         gone, _ = await enrolled(ready, "gone")
         await revoke(ready, "gone")
@@ -143,12 +145,12 @@ async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> No
             assert await plain(ready, bare("arm"), key=key) == "not_enrolled", f"{who} is not the robot"
             assert await plain(ready, gone.hello(), gone, key=key) == "certificate_revoked", who
         assert await plain(ready, held.hello(), held) == "welcome"
-    async with running_gateway(tmp_path / "b", door=RING, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path / "b", authenticator=RING, require_enrolment=True) as ready:
         for who, key in KEYS.items():
             assert await plain(ready, bare("sim_1"), key=key) == "not_enrolled", who
 
 
-FLEET = sorted(path for path in RPCS if path[1:].startswith(PROGRAMS))
+FLEET = sorted(path for path in RPC_PERMISSIONS if path[1:].startswith(PROGRAMS))
 GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command", "too_many_requests"}
 
 
@@ -181,7 +183,7 @@ def harmless(path: str) -> tuple[Any, bool, bool]:
 UNSENT = "Internal error from Core"
 
 
-async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.StatusCode, str]:
+async def attempt(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.StatusCode, str]:
     """The status and code of such a call."""
     request, *streams = harmless(path)
     metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
@@ -199,14 +201,14 @@ async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.St
         call.cancel()
     except grpc.aio.AioRpcError as error:
         if streams[0] and error.details() == UNSENT:
-            return await knock(channel, path, key)
+            return await attempt(channel, path, key)
         return error.code(), str(dict(error.trailing_metadata() or ()).get(CODE_KEY, "?"))
     return grpc.StatusCode.OK, ""
 
 
 def as_it_should(path: str, who: str, status: grpc.StatusCode, code: str, *, anonymous: bool) -> bool:
     """Whether that is what the table says; `anonymous`: whether who shows nothing is a viewer."""
-    row, method = permission(RPCS[path]), path.rpartition("/")[2]
+    row, method = permission(RPC_PERMISSIONS[path]), path.rpartition("/")[2]
     if who == "unknown":
         return code == "bad_credentials" and status is grpc.StatusCode.UNAUTHENTICATED
     if who == "anonymous" and (row.mutates or not anonymous):
@@ -223,14 +225,14 @@ def as_it_should(path: str, who: str, status: grpc.StatusCode, code: str, *, ano
 @pytest.mark.parametrize("tls", ["off", "on"])
 @pytest.mark.parametrize("anonymous", [True, False])
 async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous: bool, tls: str) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, ScriptedAgent(ready):
+    async with running_gateway(tmp_path, authenticator=RING) as ready, ScriptedAgent(ready):
         pass  # known, and offline by now
     askers = KEYS if anonymous else {"anonymous": ""}  # to the others it makes no difference
     wrong = []
     settings = {"anonymous": anonymous, "tls": tls, **FREE}
-    async with running_gateway(tmp_path, door=RING, **settings) as ready, programs(ready) as channel:
+    async with running_gateway(tmp_path, authenticator=RING, **settings) as ready, programs(ready) as channel:
         for path in FLEET:
-            answers = await asyncio.gather(*(knock(channel, path, key) for key in askers.values()))
+            answers = await asyncio.gather(*(attempt(channel, path, key) for key in askers.values()))
             for who, (status, code) in zip(askers, answers, strict=True):
                 if not as_it_should(path, who, status, code, anonymous=anonymous):
                     wrong.append((who, path, status, code))
@@ -238,7 +240,7 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
 
 
 async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         async with ScriptedAgent(ready), programs(ready) as channel:
             stub = fleet_pb2_grpc.FleetServiceStub(channel)
 
@@ -249,11 +251,11 @@ async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path)
 
             assert await robots(KEYS["viewer"]) == ["sim_1"]
             assert await robots(KEYS["other scope"]) == []
-            assert (await knock(channel, f"{FLEET_SERVICE}RenewLease", KEYS["operator"]))[1] == "lease_required"
+            assert (await attempt(channel, f"{FLEET_SERVICE}RenewLease", KEYS["operator"]))[1] == "lease_required"
             async with client(ready, key=ADMIN) as http:
                 rows = (await http.get("/api/v1/audit")).json()["rows"]
-            told = [(row["method"], row["action"], row["code"]) for row in rows if row["method"] == "GRPC"]
-            assert told[0] == ("GRPC", "robots.drive", "lease_required")
+            reported = [(row["method"], row["action"], row["code"]) for row in rows if row["method"] == "GRPC"]
+            assert reported[0] == ("GRPC", "robots.drive", "lease_required")
 
 
 async def test_everybody_over_tls(tmp_path: Path) -> None:
@@ -276,9 +278,9 @@ async def test_a_robot_s_certificate_is_nobody_at_the_fleet(tmp_path: Path) -> N
         held, given = await enrolled(ready)
         async with programs(ready, given["certificate"] + given["chain"], held.key) as channel:
             for path in FLEET:
-                mutates = permission(RPCS[path]).mutates
-                assert ((await knock(channel, path, ""))[1] == "sign_in") is mutates, path
-            assert (await knock(channel, f"{FLEET_SERVICE}ListRobots", KEYS["unknown"]))[1] == "bad_credentials"
+                mutates = permission(RPC_PERMISSIONS[path]).mutates
+                assert ((await attempt(channel, path, ""))[1] == "sign_in") is mutates, path
+            assert (await attempt(channel, f"{FLEET_SERVICE}ListRobots", KEYS["unknown"]))[1] == "bad_credentials"
 
 
 async def test_no_other_method_answers(tmp_path: Path) -> None:
@@ -292,8 +294,8 @@ async def test_no_other_method_answers(tmp_path: Path) -> None:
 
 
 async def test_a_robot_s_identity_is_nobody_in_the_api(tmp_path: Path) -> None:
-    """The other way round: what a robot holds opens no door of people's."""
-    async with running_gateway(tmp_path, door=RING) as ready:
+    """The other way round: what a robot holds opens nothing of people's."""
+    async with running_gateway(tmp_path, authenticator=RING) as ready:
         held, _ = await enrolled(ready)
         for text in (held.certificate.replace("\n", ""), "arm", held.certificate[30:90]):
             async with client(ready, key="") as http:

@@ -1,6 +1,6 @@
-"""The whole API, tried by schemathesis as everybody: no server error, no answer beside its schema, no open door.
+"""The whole API, tried by schemathesis as everybody: no server error, no answer beside its schema.
 
-Here a sample, `tests/security/test_matrix.py` asks every operation as every asker; all of it: `make campaign ARGS=api`.
+Here a sample: `test_matrix.py` beside this asks every operation as every asker; all of it: `make campaign ARGS=api`.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import pytest
 
 from gateway.domain.principal import Role
 from gateway.identity.permissions import PERMISSIONS
-from tests.security.test_matrix import ASKERS, EXPECTED
-from tests.support.api_fuzzer import Report, fuzz_api
-from tests.support.busy_gateway import BusyGateway, busy_gateway
-from tests.support.plain_http import FREE
+from tests.security.permissions.test_matrix import ASKERS, EXPECTED
+from tests.support.gateways.api_fuzzer import Report, fuzz_api
+from tests.support.gateways.busy_gateway import BusyGateway, busy_gateway
+from tests.support.gateways.plain_http import FREE
 
 SEED = 20_261_121
 # An example of one in so many paths: answers are held against their schemas as who may have them all, once each.

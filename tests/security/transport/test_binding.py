@@ -15,17 +15,17 @@ import grpc
 import httpx
 import pytest
 
+from gateway.domain.host_names import machine_names, outward_address
 from gateway.main import serve
-from gateway.names import machine_names, outward_address
 from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
-from tests.support.command_line import ask_metaros, call_metaros
-from tests.support.plain_http import TRUSTS_NOBODY
-from tests.support.postgres import PostgresServer
-from tests.support.processes import started
-from tests.support.quick_passwords import quick_passwords  # noqa: F401 - a fixture
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.quick_passwords import quick_passwords  # noqa: F401 - a fixture
+from tests.support.processes.command_line import ask_metaros, call_metaros
+from tests.support.processes.processes import started
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 HERE = outward_address()
@@ -81,7 +81,7 @@ async def test_who_counts_as_somebody(tmp_path: Path) -> None:
     for number, made in enumerate(("key create --name k --role admin", "user add bob --role admin")):
         where = tmp_path / str(number)
         await run(f"metaros {made} --data-dir {where}", tmp_path)
-        stop = asyncio.Event()  # a harness' gateway would not ask its store: it has a door of its own
+        stop = asyncio.Event()  # a harness' gateway would not ask its store: it has an endpoint of its own
         settings = Settings(host="0.0.0.0", port=0, grpc_port=0, data_dir=where)
         await serve(settings, stop, on_ready=lambda _, stop=stop: stop.set())
 

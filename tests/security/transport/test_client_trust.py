@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.announce import LocalAccess
 from gateway.main import Ready
+from gateway.server.announce import LocalAccess
 from metaros.access.credentials import ca_for, key_for, local_gateway
-from metaros.cli.gateway_http import GatewayClient, open_gateway
+from metaros.cli.shared.gateway_http import GatewayClient, open_gateway
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import running_gateway
 

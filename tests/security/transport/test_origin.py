@@ -15,7 +15,7 @@ from gateway.api import ROUTERS as ALL_ROUTERS
 from gateway.api.aws.routes import router as aws_router
 from gateway.main import Ready
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, bearer, client, open_socket, running_gateway
-from tests.support.plain_http import FREE, plain_http
+from tests.support.gateways.plain_http import FREE, plain_http
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("foreign pages")]
 

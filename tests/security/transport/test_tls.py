@@ -19,13 +19,13 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from gateway.identity.ca import ServerPair, issue_server, make_intermediate, make_root
+from gateway.identity.certificates.ca import ServerPair, issue_server, make_intermediate, make_root
 from gateway.main import Ready
-from gateway.tls import HttpTls
+from gateway.server.tls import HttpTls
 from metaros.clock import SystemClock
 from metaros.errors import ConfigError
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
 
 CLOCK = SystemClock()
 DAY_NS = 86_400 * 10**9
@@ -137,7 +137,7 @@ async def test_a_supplied_pair_is_served_and_followed_when_the_files_change(tmp_
         assert (await asyncio.to_thread(shown_at, ready.http_port))[0] == after
 
 
-async def test_browsers_are_told_to_stay_only_with_a_certificate_that_the_system_trusts(
+async def test_browsers_are_reported_to_stay_only_with_a_certificate_that_the_system_trusts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     authority = Elsewhere()
@@ -209,7 +209,7 @@ def test_the_own_pair_is_followed_and_no_key_stays_on_disk(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-async def test_a_robot_without_tls_is_not_heard(tmp_path: Path) -> None:
+async def test_a_robot_without_tls_is_not_received(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, tls="on") as ready:
         agent = ScriptedAgent(ready)
         with pytest.raises(Exception, match="UNAVAILABLE"):

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from tests.support.zips import member
+from tests.support.deployment.zips import member
 
 __all__ = ["WHEEL", "make_bundle"]
 

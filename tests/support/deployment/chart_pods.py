@@ -19,8 +19,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from tests.support.command_line import call_metaros
-from tests.support.processes import started
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.processes import started
 
 __all__ = ["PodHere", "asked", "probed", "walls"]
 

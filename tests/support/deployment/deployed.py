@@ -8,7 +8,7 @@ from typing import Any
 import click
 import typer
 
-from gateway.cli import _settings
+from gateway.cli.gateway import _settings
 from gateway.settings import Settings
 
 __all__ = ["options_of", "settings_of"]

@@ -30,7 +30,7 @@ __all__ = [
     "template",
 ]
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 CHART = ROOT / "deploy" / "k8s"
 SETS = tuple(sorted(path.stem for path in (CHART / "ci").glob("*.yaml")))
 KUBES = ("1.30.0", "1.34.0", "1.37.0")

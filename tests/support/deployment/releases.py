@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.updates import offline
+from gateway.fleet.updates import offline
 from metaros.clock import SystemClock
-from tests.gateway.updates.repositories import passphrase
-from tests.support.bundles import make_bundle
+from tests.gateway.fleet.updates.repositories import passphrase
+from tests.support.deployment.bundles import make_bundle
 
 __all__ = ["Release", "signed_release", "start_signing"]
 

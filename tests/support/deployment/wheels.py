@@ -14,14 +14,14 @@ import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.support.processes import END_S
+from tests.support.processes.processes import END_S
 
 __all__ = ["wheel_of"]
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 BUILT = "2.1.0"
 MAIN = "edge_agent/main.py"
-UNUSED = ("broker", "client", "convert", "functions", "rules", "sim")  # of metaros, by an agent
+UNUSED = ("automation/functions", "automation/rules", "broker", "client", "convert", "sim")  # of metaros, by an agent
 
 
 def wheel_of(version: str, *, broken: bool = False) -> tuple[str, bytes]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
 
 __all__ = ["Autopilot", "PtyCable", "TcpCable", "UdpCable"]
 
@@ -117,7 +117,7 @@ class Autopilot:
         self.deaf_to = 0  # so many commands are lost on the way
         self.refuses = 0  # the MAV_RESULT of its answers
         self.received: list[Any] = []
-        self.heard_all = False  # nothing more is on its way to it
+        self.received_all = False  # nothing more is on its way to it
         self._cable = cable
         self._mav = dialect.MAVLink(self, srcSystem=system, srcComponent=component)
         self._ears = dialect.MAVLink(None)
@@ -170,7 +170,7 @@ class Autopilot:
             state = dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY
             self.send(dialect.MAVLink_heartbeat_message(self.vehicle, self.autopilot, base, self.mode, state, 3))
             data = self._cable.read()
-            self.heard_all = not data
+            self.received_all = not data
             for message in self._ears.parse_buffer(data) or []:
                 if not self.silent:
                     self.received.append(message)

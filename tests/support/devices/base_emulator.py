@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 
 from metaros.clock import SystemClock
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
 
 AUTO_STOP_S = 2.0
 
@@ -33,7 +33,7 @@ class BaseEmulator:
         self._separation = separation
         self._pid_rate = pid_rate
         self._clock = SystemClock()
-        self._moved_s = self._told_s = self._clock.monotonic_s()
+        self._moved_s = self._reported_s = self._clock.monotonic_s()
         self._text = b""
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -92,14 +92,14 @@ class BaseEmulator:
             return b"OK"
         if word == "m" and len(numbers) == 2:
             self.targets = (int(numbers[0]), int(numbers[1]))
-            self._told_s = self._clock.monotonic_s()
+            self._reported_s = self._clock.monotonic_s()
             return b"OK"
         return b"Invalid Command"
 
     def _move(self) -> None:
         now_s = self._clock.monotonic_s()
         step_s, self._moved_s = now_s - self._moved_s, now_s
-        if now_s - self._told_s > AUTO_STOP_S:
+        if now_s - self._reported_s > AUTO_STOP_S:
             self.targets = (0, 0)
         left, right = (target * self._pid_rate * step_s for target in self.targets)
         self._ticks[0] += left

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import metaros
-from metaros.drivers.back_off import BackOff
+from metaros.drivers.backoff import Backoff
 from metaros.drivers.diagnostics import status_of
 from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticStatus
-from tests.support.leaping import LeapingClock
+from tests.support.processes.clock_jump import LeapingClock
 from tests.support.waiting import wait_until
 
 __all__ = ["RETRY_S", "RunningDriver", "running"]
@@ -37,7 +37,7 @@ class RunningDriver:
 
     def status(self) -> DiagnosticStatus:
         """What diagnostics tell at the next change or second."""
-        return status_of(self.node.full_name, self.node.manifest.kind, self.node.standing)
+        return status_of(self.node.full_name, self.node.manifest.kind, self.node.status)
 
     def facts(self) -> dict[str, str]:
         """The values of the diagnostics: kind, state, rate_hz, facts and counters."""
@@ -45,7 +45,7 @@ class RunningDriver:
 
     def state(self) -> str:
         """`opening`, `working`, `stale`, `waiting`, …"""
-        return self.node.standing.state.value
+        return self.node.status.state.value
 
     def leap(self, seconds: float) -> None:
         """Let the driver's clock be so much later; what waits for a time-out has waited."""
@@ -71,8 +71,8 @@ def running(
 ) -> Iterator[RunningDriver]:
     """Run a driver, which tries again soon, and a viewer; everything has ended when the block has."""
     make, manifest = device_maker(kind), manifest_of(kind)
-    back_off = BackOff(first_s=RETRY_S, last_s=RETRY_S)
-    node = DriverNode(manifest, make, params, context=context, namespace=namespace, name=name, back_off=back_off)
+    backoff = Backoff(first_s=RETRY_S, last_s=RETRY_S)
+    node = DriverNode(manifest, make, params, context=context, namespace=namespace, name=name, backoff=backoff)
     viewer = metaros.Node("driver_viewer", context=context)
     executor = metaros.SingleThreadedExecutor()
     executor.add_node(node)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from metaros.drivers.ld19.protocol import CLOCK_MS, POINTS, Packet, pack
-from tests.support.room import distance_m
+from tests.support.devices.room import distance_m
 
 __all__ = ["Ld19Emulator"]
 

@@ -14,7 +14,7 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
 
 __all__ = ["ModbusDevice", "PtyBridge"]
 

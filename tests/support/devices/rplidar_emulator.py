@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from metaros.drivers.rplidar.protocol import Descriptor, Health, Info
 from metaros.drivers.rplidar.samples import EXPRESS, STANDARD
-from tests.support.room import distance_m
+from tests.support.devices.room import distance_m
 
 __all__ = ["RplidarEmulator", "capsule", "node"]
 

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
 
 __all__ = ["answering"]
 

@@ -16,7 +16,7 @@ from metaros.idl import type_hash
 from metaros.interfaces.metaros_msgs.msg import VideoDemand
 from metaros.node import Context, Node
 from metaros.wire import qos_sensor_data
-from tests.support.video import COMPRESSED_VIDEO, video_message
+from tests.support.devices.video import COMPRESSED_VIDEO, video_message
 
 __all__ = ["VideoSource", "video_source"]
 

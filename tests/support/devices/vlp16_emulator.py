@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from metaros.drivers.vlp16.packets import BLOCK_US, BLOCKS, DUAL, ELEVATIONS_DEG, PACKET_DTYPE
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
 
 __all__ = ["FLOOR_M", "Vlp16Emulator", "position_packet"]
 

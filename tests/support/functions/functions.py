@@ -13,11 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.engine import Engine
+from metaros.automation.functions.pool import PoolStatus
+from metaros.automation.functions.sandbox.level import Level
 from metaros.clock import SystemClock
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.engine import Engine
-from metaros.functions.pool import PoolStatus
-from metaros.functions.sandbox.level import Level
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Bench", "alive", "running_engine"]

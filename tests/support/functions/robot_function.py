@@ -12,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import metaros
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.robot.policy import FunctionPolicy
+from metaros.automation.robot.program import open_package, run_function
+from metaros.automation.robot.results import RESULTS
 from metaros.clock import Clock, SystemClock
-from metaros.functions.sandbox.level import Level
 from metaros.interfaces.std_msgs.msg import String
-from metaros.robot_functions.law import Law
-from metaros.robot_functions.program import open_package, run_function
-from metaros.robot_functions.results import RESULTS
 
-__all__ = ["Heard", "function_zip", "running_function", "write_function"]
+__all__ = ["ReceivedResults", "function_zip", "running_function", "write_function"]
 
 ECHO = "def handler(event, context):\n    return event\n"
 
@@ -43,17 +43,19 @@ def function_zip(folder: Path) -> bytes:
 
 
 @dataclass
-class Heard:
+class ReceivedResults:
     """What came on functions/results, as an agent hears it."""
 
     results: list[dict[str, Any]]
 
     @classmethod
-    def on(cls, node: metaros.Node) -> Heard:
+    def on(cls, node: metaros.Node) -> ReceivedResults:
         """Listen."""
-        heard = cls([])
-        node.create_subscription(String, f"/sim_1/{RESULTS}", lambda m: heard.results.append(json.loads(m.data)), 1000)
-        return heard
+        received = cls([])
+        node.create_subscription(
+            String, f"/sim_1/{RESULTS}", lambda m: received.results.append(json.loads(m.data)), 1000
+        )
+        return received
 
 
 @asynccontextmanager
@@ -62,7 +64,7 @@ async def running_function(
     state: Path,
     router: str,
     *,
-    law: Law | None = None,
+    policy: FunctionPolicy | None = None,
     clock: Clock | None = None,
     level: Level | None = Level.L1,
 ) -> AsyncIterator[metaros.Node]:
@@ -76,7 +78,7 @@ async def running_function(
             state,
             node=node,
             robot="sim_1",
-            law=law or Law("/sim_1"),
+            policy=policy or FunctionPolicy("/sim_1"),
             clock=clock or SystemClock(),
             stop=stop,
             level=level,

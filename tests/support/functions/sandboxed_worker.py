@@ -1,4 +1,4 @@
-"""A worker that runs any code it is sent, at any sandbox level: what a hostile function would try."""
+"""A sandboxed worker that runs any code it is sent, at any sandbox level: what a hostile function would try."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from metaros.functions.launch import Confinement, Launched, Program, launch
-from metaros.functions.probe import probe
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote
+from metaros.automation.functions.launch import Confinement, Program, WorkerProcess, launch
+from metaros.automation.functions.probe import probe
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote
 
 HANDLER = """
 def handler(event, context):
@@ -46,7 +46,7 @@ async def here(level: Level) -> bool:
     return reason == "ok"
 
 
-class Caged:
+class SandboxedWorker:
     """Use with `async with`; `ask` runs code, which leaves what it found in `result`."""
 
     def __init__(self, level: Level, folder: Path, *, zygote: Zygote | None = None, **bounds: Any) -> None:
@@ -58,9 +58,9 @@ class Caged:
         (self.code_dir / "app.py").chmod(0o444)
         self._confinement = Confinement(level=level, tmp_dir=folder / "tmp", **bounds)
         self.tmp_dir = folder / "tmp"
-        self.launched: Launched
+        self.launched: WorkerProcess
 
-    async def __aenter__(self) -> Caged:
+    async def __aenter__(self) -> SandboxedWorker:
         program = Program(handler="app.handler", code_dir=self.code_dir, env={"OWN": "mine"})
         start = self._zygote.fork if self._zygote else launch
         self.launched = await start(program, self._confinement)

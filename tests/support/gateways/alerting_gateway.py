@@ -1,4 +1,4 @@
-"""A real gateway in this process whose judge the test is: findings open and clear when the test says so."""
+"""A real gateway in this process whose anomaly evaluator the test replaces: findings open and clear on command."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import pytest
 
 from gateway import main
 from gateway.api.services import Services
-from gateway.app import Gateway
+from gateway.app import services_of
 from gateway.domain.alert import Alert
 from gateway.domain.finding import Edge, Finding
 from gateway.main import Ready
+from gateway.wiring.gateway import Gateway
 from metaros.clock import SystemClock
 from tests.gateway.harness import running_gateway
 
@@ -47,12 +48,12 @@ class Alerting:
 
     def clear(self, found: Finding) -> None:
         """The finding is over."""
-        self.services.alerts.tell([Edge("cleared", found, found.since_s + 1)])
+        self.services.alerts.report([Edge("cleared", found, found.since_s + 1)])
 
     async def open(self, robot: str, **more: Any) -> Alert:
         """A finding of the robot; its alert, once that is stored."""
         found = finding(robot, **more)
-        self.services.alerts.tell([Edge("opened", found, found.since_s)])
+        self.services.alerts.report([Edge("opened", found, found.since_s)])
 
         def stored() -> Alert | None:
             mine = [one for one in self.services.alerts.of(robot) if one.cause == found.cause]
@@ -85,4 +86,4 @@ async def alerting_gateway(folder: Path, **settings: Any) -> AsyncIterator[Alert
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(main, "Gateway", Kept)
         async with running_gateway(folder, **settings) as ready:
-            yield Alerting(ready, made[0].services)
+            yield Alerting(ready, services_of(made[0]))

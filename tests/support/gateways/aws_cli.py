@@ -7,12 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from metaros.file_lock import file_lock
+from metaros.concurrency.file_lock import file_lock
 
 __all__ = ["aws_command"]
 
 PINNED = "awscli==1.46.2"
-FOLDER = Path(__file__).resolve().parents[2] / ".make" / "peers"
+FOLDER = Path(__file__).resolve().parents[3] / ".make" / "peers"
 
 
 def aws_command() -> Path:

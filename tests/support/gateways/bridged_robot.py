@@ -11,7 +11,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from edge_agent.config import Settings
+from edge_agent.config.settings import Settings
 from edge_agent.main import run_agent
 from gateway.main import Ready
 from metaros.idl import message_class

@@ -22,7 +22,7 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.limits import LIMITS
 from tests.gateway.harness import DATA, channel, client, running_gateway
-from tests.gateway.recordings.robot import RecordingRobot, content
+from tests.gateway.history.recordings.robot import RecordingRobot, content
 
 SERIES = [
     link_pb2.Series(series_id=1, name="battery.x", topic="/battery", field="x"),

@@ -11,7 +11,7 @@ import grpc
 import grpc.aio
 
 from metaros._proto import link_pb2, link_pb2_grpc
-from tests.support.gateway_half import BACKFILL, CONTROL, DATA, LANES, GatewayHalf
+from tests.support.gateways.gateway_half import BACKFILL, CONTROL, DATA, LANES, GatewayHalf
 from tests.support.ports import free_port
 
 OPTIONS = (

@@ -10,8 +10,8 @@ from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 from metaros._proto import link_pb2
-from tests.support.fake_gateway import FakeGateway
-from tests.support.gateway_half import GatewayHalf
+from tests.support.gateways.fake_gateway import FakeGateway
+from tests.support.gateways.gateway_half import GatewayHalf
 
 __all__ = ["WebSocketGateway", "websocket_gateway"]
 

@@ -2,8 +2,8 @@
 
 meshes = FakeMeshes()
 a, b = meshes.join("a"), meshes.join("b")
-b.on_tell("graph", lambda sender, payload: ...)
-a.tell("b", "graph", b"...")      # delivered by call_soon, in order
+b.on_message("graph", lambda sender, payload: ...)
+a.send("b", "graph", b"...")      # delivered by call_soon, in order
 meshes.leave("b")                 # as a kill -9: what is on its way is lost, and a hears that it went
 """
 
@@ -13,7 +13,7 @@ import asyncio
 from collections.abc import Callable
 
 from gateway.cluster.errors import PeerGoneError, PeerRefusedError, PeerTimeoutError, pack_error, unpack_error
-from gateway.cluster.ports import Answer, Heard, Take
+from gateway.cluster.ports import Answer, PeerListener, Take
 
 __all__ = ["FakeMesh", "FakeMeshes"]
 
@@ -27,7 +27,7 @@ class FakeMesh:
         self._meshes = meshes
         self._takes: dict[str, Take] = {}
         self._answers: dict[str, Answer] = {}
-        self._heard: list[Heard] = []
+        self._listeners: list[PeerListener] = []
         self._waiting: dict[asyncio.Future[bytes], str] = {}
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -35,7 +35,7 @@ class FakeMesh:
         """The other gateways that have joined, and not left."""
         return self._meshes.others(self)
 
-    def tell(self, gateway: str, topic: str, payload: bytes) -> bool:
+    def send(self, gateway: str, topic: str, payload: bytes) -> bool:
         """Deliver soon, in order."""
         peer = self._meshes.peer(self, gateway)
         if peer is None or gateway in self.full:
@@ -43,12 +43,12 @@ class FakeMesh:
         self._meshes.soon(self, peer, lambda: peer.take(topic, self.gateway_id, bytes(payload)))
         return True
 
-    def tell_all(self, topic: str, payload: bytes) -> None:
+    def broadcast(self, topic: str, payload: bytes) -> None:
         """Tell every peer."""
         for gateway in sorted(self.peers()):
-            self.tell(gateway, topic, payload)
+            self.send(gateway, topic, payload)
 
-    async def ask(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
+    async def request(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
         """The peer's answer, with its errors mapped as the real mesh does it."""
         peer = self._meshes.peer(self, gateway)
         if peer is None:
@@ -64,17 +64,17 @@ class FakeMesh:
         finally:
             self._waiting.pop(answer, None)
 
-    def on_tell(self, topic: str, take: Take) -> None:
+    def on_message(self, topic: str, take: Take) -> None:
         """Who takes the messages of a topic."""
         self._takes[topic] = take
 
-    def on_ask(self, verb: str, answer: Answer) -> None:
+    def on_request(self, verb: str, answer: Answer) -> None:
         """Who answers a verb."""
         self._answers[verb] = answer
 
-    def on_peer(self, heard: Heard) -> None:
+    def on_peer(self, listener: PeerListener) -> None:
         """Be told of each gateway that comes or goes."""
-        self._heard.append(heard)
+        self._listeners.append(listener)
 
     def take(self, topic: str, sender: str, payload: bytes) -> None:
         """A message has come."""
@@ -100,8 +100,8 @@ class FakeMesh:
 
     def hear(self, gateway: str, there: bool) -> None:
         """A gateway came or went; what was asked of one that went ends."""
-        for heard in self._heard:
-            heard(gateway, there)
+        for listener in self._listeners:
+            listener(gateway, there)
         if not there:
             for answer in [answer for answer, asked in self._waiting.items() if asked == gateway]:
                 if not answer.done():

@@ -1,11 +1,11 @@
-"""A tiny gateway half of the link, in memory: keeps what it is told, and fails the test where the contract breaks."""
+"""A minimal gateway side of the link, in memory: stores frames, and fails the test where the contract breaks."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 
 from metaros._proto import link_pb2
-from metaros.link import BACKFILL_BIT, CHANNEL_MASK, Reassembler, expand, unpack_metrics
+from metaros.link import BACKFILL_BIT, CHANNEL_MASK, Reassembler, decompress, unpack_metrics
 
 __all__ = ["BACKFILL", "CONTROL", "DATA", "LANES", "GatewayHalf", "late_stream"]
 
@@ -107,7 +107,7 @@ class GatewayHalf:
             if lane in self.refusing and not live:
                 self.dropped += 1
                 continue
-            columns = self.reassemblers[lane].feed(expand(batch))
+            columns = self.reassemblers[lane].feed(decompress(batch))
             if columns is None:
                 continue
             if live:

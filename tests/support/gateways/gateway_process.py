@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.support.command_line import program
-from tests.support.processes import started
+from tests.support.processes.command_line import program
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until
 
 __all__ = ["running"]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.api.ws.outlet import split_frames
 from gateway.api.ws.records import BinaryRecords
+from gateway.api.ws.writer import split_frames
 from gateway.domain.channel import Channel
 from gateway.domain.records import split_records
 from gateway.domain.sample import Run
@@ -42,7 +42,7 @@ class ListSink:
 
     def __init__(self, *, takes: int | None = None) -> None:
         self.on_full: Callable[[], None] | None = None
-        self.on_room: Callable[[], None] | None = None
+        self.on_drained: Callable[[], None] | None = None
         self.open = True
         self.frames: list[bytes] = []
         self._takes = takes
@@ -69,8 +69,8 @@ class ListSink:
     def reopen(self, *, takes: int | None = None) -> None:
         """It takes again what comes, or so many writes."""
         self.open, self._takes = True, takes
-        assert self.on_room is not None
-        self.on_room()
+        assert self.on_drained is not None
+        self.on_drained()
 
 
 def make_channel(topic: str = "/r/scan", robot: str = "r") -> Channel:

@@ -1,6 +1,6 @@
-"""A gateway to be killed: starts workers by a zygote and by exec, each with children of its own, and tells their ids.
+"""A gateway that tests kill: starts workers by zygote and exec, each with children of its own, and prints their ids.
 
-`python -m tests.support.doomed_gateway FOLDER LEVEL...`: a line of JSON, then it waits for its end.
+`python -m tests.support.gateways.killed_gateway FOLDER LEVEL...`: a line of JSON, then it waits for its end.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from contextlib import AsyncExitStack
 from itertools import product
 from pathlib import Path
 
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote
-from tests.support.caged import Caged
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote
+from tests.support.functions.sandboxed_worker import SandboxedWorker
 
 CHILDREN = """
 import os, signal
@@ -40,8 +40,8 @@ async def main(folder: Path, levels: Sequence[Level]) -> None:
     async with AsyncExitStack() as stack:
         keepers = []
         for level, server in product(levels, (zygote, None)):
-            caged = Caged(level, folder / f"{level.name}-{server is None}", zygote=server)
-            worker = await stack.enter_async_context(caged)
+            sandboxed = SandboxedWorker(level, folder / f"{level.name}-{server is None}", zygote=server)
+            worker = await stack.enter_async_context(sandboxed)
             await worker.ask(CHILDREN, leaving=level >= Level.L2)
             keepers.append(worker.launched.root_pid)
         print(json.dumps({"zygote": zygote.pid, "keepers": keepers}), flush=True)

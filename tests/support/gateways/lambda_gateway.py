@@ -17,13 +17,13 @@ import boto3
 import httpx
 from botocore.config import Config
 
-from gateway.functions.catalogue_shapes import faults_of
-from gateway.identity.local import LOCAL_KEY_FILE
+from gateway.automation.functions.catalogue.shapes import faults_of
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from gateway.main import Ready
 from tests.gateway.harness import running_gateway
-from tests.support.plain_http import TRUSTS_NOBODY
-from tests.support.quick_boto import read_documents_once
-from tests.support.zips import member
+from tests.support.deployment.zips import member
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.quick_boto import read_documents_once
 
 __all__ = ["HANDLER", "ROLE", "LambdaGateway", "lambda_gateway", "zipped"]
 

@@ -1,4 +1,4 @@
-"""A door with keys and sessions in memory: a test makes whom it needs and ends them when it wants."""
+"""An authenticator with keys and sessions in memory, which a test creates and revokes as it likes."""
 
 from __future__ import annotations
 

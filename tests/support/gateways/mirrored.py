@@ -8,10 +8,10 @@ from contextlib import asynccontextmanager
 
 import numpy as np
 
-from gateway.api.ws.outlet import split_frames
 from gateway.api.ws.records import BinaryRecords
+from gateway.api.ws.writer import split_frames
 from gateway.cluster.live import Live
-from gateway.cluster.mirror import Mirror
+from gateway.cluster.mirror.mirror import Mirror
 from gateway.domain.channel import Channel, Series
 from gateway.domain.records import split_records
 from gateway.domain.robot import Robot
@@ -22,7 +22,7 @@ from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
 from metaros.clock import Clock, SystemClock
 from metaros.link import SampleColumns
-from tests.support.fake_mesh import FakeMeshes
+from tests.support.gateways.fake_mesh import FakeMeshes
 
 __all__ = ["Replica", "Seen", "channel", "make_run", "replicas"]
 
@@ -62,7 +62,7 @@ class Seen:
     """A viewer's sink that takes everything."""
 
     def __init__(self) -> None:
-        self.on_full = self.on_room = None
+        self.on_full = self.on_drained = None
         self.frames: list[bytes] = []
 
     def ready(self) -> bool:
@@ -94,7 +94,7 @@ class Replica:
         self.mesh = meshes.join(gateway_id)
         self.mirror = Mirror(self.mesh, self.registry, self.hub, clock=self.clock, look_s=0.05)
         self.live = Live(self.mesh, self.registry, self.hub, clock=self.clock, tick_s=0.001)
-        self.mirror.watch(self.live.on_home)
+        self.mirror.watch(self.live.on_owner)
         self.sessions = 0
 
     def link(

@@ -1,4 +1,4 @@
-"""The fake gateway with a door: TLS of a fleet's own authority, client certificates, and the signed challenge."""
+"""The fake gateway with mutual TLS: a fleet's own authority, client certificates, and the signed challenge."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from cryptography import x509
 
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.link.proof import link_statement, verify
-from tests.support.fake_gateway import OPTIONS, FakeGateway
-from tests.support.fake_gateway_ws import WebSocketGateway
-from tests.support.fleet_ca import FleetCa
+from tests.support.gateways.fake_gateway import OPTIONS, FakeGateway
+from tests.support.gateways.fake_gateway_ws import WebSocketGateway
+from tests.support.servers.fleet_ca import FleetCa
 
 __all__ = ["GuardedGrpc", "GuardedSocket", "guarded", "server_context"]
 

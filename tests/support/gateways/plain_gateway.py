@@ -1,4 +1,7 @@
-"""A gateway that is no root, and a worker that tries to get at it: `-m tests.support.plain_gateway FOLDER LEVEL...`."""
+"""A gateway that is no root, and a worker that tries to get at it.
+
+`python -m tests.support.gateways.plain_gateway FOLDER LEVEL...`
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from metaros.functions.probe import probe
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote
-from tests.support.caged import Caged, CagedError, listening
+from metaros.automation.functions.probe import probe
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote
+from tests.support.functions.sandboxed_worker import CagedError, SandboxedWorker, listening
 from tests.support.waiting import wait_until_async
 
 TRY = """
@@ -67,8 +70,8 @@ async def attacked(level: Level, folder: Path) -> dict[str, Any]:
     await zygote.start()
     with listening() as tcp:
         async with (
-            Caged(level, folder / "one", zygote=zygote, processes=16) as one,
-            Caged(level, folder / "two") as two,
+            SandboxedWorker(level, folder / "one", zygote=zygote, processes=16) as one,
+            SandboxedWorker(level, folder / "two") as two,
         ):
             found |= await one.ask(
                 ATTACKS,

@@ -1,4 +1,4 @@
-"""Gateways with their real desks on a mesh of the tests, and a robot that is linked to one of them."""
+"""Gateways with their real managers on a mesh of the tests, and a robot that is linked to one of them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from contextlib import asynccontextmanager
 from types import SimpleNamespace
 from typing import Any
 
-from gateway.cluster.relays import Relays
-from gateway.domain.lease import LeaseTable
+from gateway.cluster.relay.relays import Relays
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.domain.robot import Robot
 from gateway.errors import RobotOfflineError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.ros_side import RosSide
-from gateway.fleet.talk import TalkDesk
-from gateway.fleet.teleop import TeleopDesk
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.ros.feature import RosFeature
+from gateway.fleet.talk import TalkManager
+from gateway.fleet.teleop import TeleopManager
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.support.fake_mesh import FakeMeshes
+from tests.support.gateways.fake_mesh import FakeMeshes
 
 __all__ = ["Half", "RelayRig", "relay_rig", "settle"]
 
@@ -42,15 +42,15 @@ class Half:
         self.links = self
         self.fenced: list[int] = []
         self.begun: list[tuple[str, bytes]] = []
-        self.commands = CommandDesk(self._to_robot, clock=clock)
+        self.commands = CommandDispatcher(self._to_robot, clock=clock)
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
-        self.teleop = TeleopDesk(self.find, self.commands, self.leases, self._to_robot, clock=clock)
-        self.talks = LeaseTable(valid_s=LIMITS.lease_s, door="talk", doing="is talking through")
-        self.talk = TalkDesk(self.find, self.commands, self.talks, self._to_robot, clock=clock)
-        self.fleet = FleetDesk(self.find, self.commands, self.leases, self.talks, clock=clock)
-        self.ros = RosSide(self.find, self.commands, self.fleet, self._to_robot, clock=clock)
-        self.told: list[tuple[Any, ...]] = []  # what the nudges did
-        self.orders = SimpleNamespace(
+        self.teleop = TeleopManager(self.find, self.commands, self.leases, self._to_robot, clock=clock)
+        self.talks = LeaseTable(valid_s=LIMITS.lease_s, endpoint="talk", doing="is talking through")
+        self.talk = TalkManager(self.find, self.commands, self.talks, self._to_robot, clock=clock)
+        self.fleet = FleetManager(self.find, self.commands, self.leases, self.talks, clock=clock)
+        self.ros = RosFeature(self.find, self.commands, self.fleet, self._to_robot, clock=clock)
+        self.told: list[tuple[Any, ...]] = []  # what the change notifications did
+        self.command_manager = SimpleNamespace(
             delivery=SimpleNamespace(deliver=lambda robot: self.told.append(("deliver", robot))),
             changed=lambda command_id: self.told.append(("changed", command_id)),
         )
@@ -58,11 +58,11 @@ class Half:
             ask=lambda *asked: self.told.append(("ask", *asked)),
             stop=lambda recording_id: self.told.append(("stop", recording_id)),
         )
-        self.twins = SimpleNamespace(courier=SimpleNamespace(look=lambda: self.told.append(("look",))))
-        invoker = SimpleNamespace(elsewhere=None, invoke=None)
-        self.reacting = SimpleNamespace(functions=SimpleNamespace(choices=SimpleNamespace(on=False), invoker=invoker))
+        self.twins = SimpleNamespace(sender=SimpleNamespace(look=lambda: self.told.append(("look",))))
+        invoker = SimpleNamespace(remote=None, invoke=None)
+        self.automation = SimpleNamespace(functions=SimpleNamespace(choices=SimpleNamespace(on=False), invoker=invoker))
         around: Any = self
-        self.relays = Relays(rig.meshes.join(gateway_id), around, home_of=self._home_of, clock=clock)
+        self.relays = Relays(rig.meshes.join(gateway_id), around, owner_of=self._owner_of, clock=clock)
 
     @property
     def linked(self) -> bool:
@@ -83,7 +83,7 @@ class Half:
         """As `Links` says."""
         return b"process"
 
-    def begun_elsewhere(self, robot_id: str, session_id: bytes) -> None:
+    def started_remotely(self, robot_id: str, session_id: bytes) -> None:
         """Noted."""
         self.begun.append((robot_id, session_id))
 
@@ -122,7 +122,7 @@ class Half:
     def _to_robot(self, robot_id: str, frame: link_pb2.GatewayFrame) -> None:
         self.relays.send(robot_id, frame)
 
-    def _home_of(self, robot_id: str) -> str:
+    def _owner_of(self, robot_id: str) -> str:
         return self._rig.home if not self.linked else ""
 
 
@@ -148,7 +148,7 @@ class RelayRig:
         half = self.halves[name] = Half(self, name)
         self._running.append(asyncio.create_task(half.relays.run()))
         if self.home:
-            half.relays.on_home(ROBOT)
+            half.relays.on_owner(ROBOT)
         return half
 
     async def close(self) -> None:
@@ -167,7 +167,7 @@ class RelayRig:
                 half.link_changed(True)
         for half in list(self.halves.values()):
             if half.id not in (name, before):
-                half.relays.on_home(ROBOT)
+                half.relays.on_owner(ROBOT)
 
     def kill(self, name: str) -> None:
         """That gateway ends without a word."""

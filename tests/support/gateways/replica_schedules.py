@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from metaros.clock import SystemClock
-from tests.support.replicas import Replica
+from tests.support.gateways.replicas import Replica
 
 __all__ = ["alerts", "fired", "schedule", "wait_for_all"]
 

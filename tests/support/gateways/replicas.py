@@ -21,18 +21,18 @@ import httpx
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
-from edge_agent.uplink.session import CommandArrived
-from gateway.identity.local import LOCAL_KEY_FILE
-from gateway.objects import open_objects
+from edge_agent.link.frames import CommandArrived
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from gateway.store import Store
+from gateway.store.objects import open_objects
 from gateway.store.retention import Retention
 from metaros.clock import SystemClock
-from tests.support.key_ring import bearer
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.viewer import records
 from tests.support.ports import free_port
-from tests.support.stack import Program, Stack
-from tests.support.uplinks import Owner, feed, running, wait
-from tests.support.viewer import records
+from tests.support.processes.stack import Program, Stack
+from tests.support.robots.uplinks import Owner, feed, running, wait
 
 __all__ = ["Fleet", "Replica", "Replicas", "Robot", "Watcher", "fleet"]
 

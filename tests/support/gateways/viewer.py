@@ -10,7 +10,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
 
 __all__ = ["Record", "open_socket", "records", "subscribe"]
 

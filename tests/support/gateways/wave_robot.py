@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import gateway.watch.turns
+import gateway.alerting.watch.evaluation
 from metaros.idl import type_hash
-from tests.support.load_robot import LoadRobot, RobotConfig, die_with_parent, log_to
-from tests.support.load_robot_gateway import GatewayConfig, run_gateway
-from tests.support.load_robot_stack import LoadStack
+from tests.support.robots.load_robot import LoadRobot, RobotConfig, die_with_parent, log_to
+from tests.support.robots.load_robot_gateway import GatewayConfig, run_gateway
+from tests.support.robots.load_robot_stack import LoadStack
 
 __all__ = ["SERIES", "WaveStack"]
 
@@ -71,5 +71,5 @@ async def _run(config: RobotConfig) -> None:
 
 def run_watching_gateway(config: GatewayConfig) -> None:
     """The gateway's process."""
-    vars(gateway.watch.turns)["SNAPSHOT_S"] = vars(gateway.watch.turns)["RETRY_S"] = 2.0
+    vars(gateway.alerting.watch.evaluation)["SNAPSHOT_S"] = vars(gateway.alerting.watch.evaluation)["RETRY_S"] = 2.0
     run_gateway(config)

@@ -11,8 +11,8 @@ from typing import Any
 from metaros.cdr import codec
 from metaros.idl import schema_text
 from metaros.record.bag_output import BagOptions, BagOutput
-from metaros.record.intake import Arrival, Route
 from metaros.record.ledger import Publisher
+from metaros.record.sample_queue import Arrival, Route
 from metaros.wire import QoSProfile
 
 __all__ = ["START_NS", "SmallDisk", "arrivals", "route_for", "write_bag"]

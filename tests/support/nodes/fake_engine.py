@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from tests.support.processes import alive
+from tests.support.processes.processes import alive
 
 __all__ = ["FakeEngine"]
 

@@ -1,4 +1,4 @@
-"""A managed node with a few parameters, as a robot's supervisor starts it: for tests of nodes from afar."""
+"""A managed node with a few parameters, as a robot's supervisor starts it: for tests of nodes of remote robots."""
 
 from __future__ import annotations
 

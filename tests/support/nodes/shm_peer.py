@@ -1,4 +1,6 @@
-"""A process at one end of shared memory, there to be killed: `python -m tests.support.shm_end ROLE ENDPOINT POOL`.
+"""A peer process with shared memory, which tests kill.
+
+`python -m tests.support.nodes.shm_peer ROLE ENDPOINT POOL`:
 
 `hold` keeps the last samples that it got and never reads them, `receive` reads images and checks them, `publish`
 publishes images until it dies, `once` one. Each prints a line for every few samples.

@@ -1,4 +1,4 @@
-"""The machine's clocks, which a test sets ahead: what waits for a time-out has waited, and nothing else is hurried."""
+"""Clocks that a test sets ahead: time-outs expire at once, and nothing else runs faster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An event loop whose seconds are short: what waits for seconds by the program's own rules waits for milliseconds.
+"""An event loop with accelerated time: what waits for seconds waits for milliseconds.
 
 Threads and files take the time that they take; so what is real about a test stays real, and only the waiting shrinks.
 """

@@ -1,10 +1,10 @@
-"""Processes of `metaros` that begin where its imports are done: forked off a server that has made them, once.
+"""Processes of `metaros` forked from a server that has done the imports once.
 
 `Forked(arguments, …)` is such a process, by its own id, and asked what a `Popen` is asked. `warm_metaros(folder)` puts
 a program `metaros` into the folder, for PATH or to be run. That is a small one, which hands its arguments, its
 environment, its place and its files to the server, passes signals on, and ends as the real one does. Who kills it kills
 both. Imports are most of what a command costs, and three of the four seconds of a gateway's start. For tests of
-starting, the real thing: `tests.support.command_line.program`.
+starting, the real thing: `tests.support.processes.command_line.program`.
 
 There is one server for all tests of a worker, with which it ends.
 """
@@ -32,16 +32,16 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, NoReturn
 
-from metaros.supervise.guard import die_with_parent
+from metaros.supervise.parent_death import die_with_parent
 
 __all__ = ["Forked", "warm_metaros"]
 
 MODULES = (
-    *("metaros.cli.main", "metaros.node", "metaros.sim", "metaros.cli.launch_run", "metaros.cli.topic"),
-    *("gateway.cli", "gateway.main", "gateway.app", "edge_agent.cli", "edge_agent.main"),
+    *("metaros.cli.main", "metaros.node", "metaros.sim", "metaros.cli.launch.run", "metaros.cli.topic.commands"),
+    *("gateway.cli.gateway", "gateway.main", "gateway.wiring.gateway", "edge_agent.cli.agent", "edge_agent.main"),
 )
 PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 END_S = 60.0
 BEGINNING = threading.Lock()
 
@@ -136,7 +136,7 @@ def _server() -> str:
 def _begun() -> str:
     place = str(Path(mkdtemp(prefix="metaros-warm-")) / "socket")
     server = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.warm", place],
+        [sys.executable, "-m", "tests.support.processes.fork_server", place],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         cwd=ROOT,

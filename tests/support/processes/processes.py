@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import psutil
 
 if TYPE_CHECKING:
-    from tests.support.warm import Forked
+    from tests.support.processes.fork_server import Forked
 
 __all__ = ["END_S", "alive", "end", "started"]
 

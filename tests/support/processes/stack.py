@@ -16,12 +16,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gateway.identity.local import LOCAL_KEY_FILE
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from metaros.wire import Router, open_router
 from tests.support.ports import free_port
-from tests.support.processes import END_S, end
+from tests.support.processes.fork_server import Forked
+from tests.support.processes.processes import END_S, end
 from tests.support.waiting import wait_until
-from tests.support.warm import Forked
 
 __all__ = ["Program", "Stack"]
 

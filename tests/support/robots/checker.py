@@ -18,9 +18,9 @@ import numpy as np
 import zstandard
 from mcap.reader import make_reader
 
-from gateway.store.chunks import decode
+from gateway.store.telemetry.chunks import decode
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
-from tests.support.load_robot_samples import KINDS, LOST, Counters, number_in, payload, read_journal
+from tests.support.robots.load_robot_samples import KINDS, LOST, Counters, number_in, payload, read_journal
 
 __all__ = ["Stored", "Verdict", "check", "read_rows", "read_sqlite"]
 

@@ -1,4 +1,4 @@
-"""A program with types of its own, which the process that tests it must not import: run it with `far_robot()`."""
+"""A program with its own types, which the testing process must not import: run it with `custom_types_robot()`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-from tests.support.processes import started
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until
 
 
 @contextmanager
-def far_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[None]:
+def custom_types_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[None]:
     """The program in a process, from when it publishes until the end of the block."""
     environment = {**os.environ, "METAROS_ZENOH_PORT": router.rsplit(":", 1)[1]}
-    command = [sys.executable, "-m", "tests.support.far_robot", namespace]
-    root = Path(__file__).parents[2]
+    command = [sys.executable, "-m", "tests.support.robots.custom_types_robot", namespace]
+    root = Path(__file__).parents[3]
     with (
         log.open("wb") as out,
         started(command, stdout=out, stderr=subprocess.STDOUT, env=environment, cwd=root) as process,

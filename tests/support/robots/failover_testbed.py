@@ -1,6 +1,6 @@
 """Two robots, a gateway and a migratable node as real processes in networks of their own; run it inside `unshare`.
 
-    unshare -Urnm --fork --kill-child python -m tests.support.failover_world FOLDER [LIBFAKETIME]
+    unshare -Urnm --fork --kill-child python -m tests.support.robots.failover_testbed FOLDER [LIBFAKETIME]
 
 Robot `far` is at the other end of a cable, `near` is on the gateway's side. The node writes a line when it starts and
 every 20 ms after, all lives of all robots into one file, by the one clock that both networks share. So whoever runs
@@ -27,10 +27,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from gateway.identity.local import LOCAL_KEY_FILE
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from metaros.supervise.program import running_pid
-from tests.support.netns import HERE, Wire
 from tests.support.ports import free_port
+from tests.support.processes.netns import HERE, Wire
 from tests.support.waiting import wait_until
 
 __all__ = ["Life", "lives_in", "main", "overlaps"]
@@ -110,8 +110,8 @@ class Relay:
                     (other if ready is one else one).sendall(data)
 
 
-class World:
-    """All of it; use `running_world`."""
+class Testbed:
+    """All of it; use `running_testbed`."""
 
     def __init__(self, folder: Path, wire: Wire, faketime: str) -> None:
         self.folder, self.wire, self.faketime = folder, wire, faketime
@@ -217,10 +217,10 @@ def now_ns() -> int:
 
 
 @contextlib.contextmanager
-def running_world(folder: Path, faketime: str) -> Iterator[World]:
+def running_testbed(folder: Path, faketime: str) -> Iterator[Testbed]:
     """Everything is up, and the node runs on `far`."""
     with Wire() as wire:
-        world = World(folder, wire, faketime)
+        world = Testbed(folder, wire, faketime)
         try:
             world.gateway()
             world.agent("far")
@@ -245,14 +245,14 @@ def running_world(folder: Path, faketime: str) -> Iterator[World]:
 # -- what goes wrong ---------------------------------------------------------------------------------------------------
 
 
-def move(world: World, to: str, fault: Callable[[], None]) -> float:
+def move(world: Testbed, to: str, fault: Callable[[], None]) -> float:
     """Seconds from a fault to the node's first sign of life on the other robot."""
     at_ns = now_ns()
     fault()
     return (world.begins(to, since_ns=at_ns).first_ns - at_ns) / 1e9
 
 
-def story(world: World) -> dict[str, float]:
+def story(world: Testbed) -> dict[str, float]:
     """One fault after the other; the seconds that each took."""
     took = {}
 
@@ -289,7 +289,7 @@ def story(world: World) -> dict[str, float]:
     return took
 
 
-def stop(world: World, robot: str) -> None:
+def stop(world: Testbed, robot: str) -> None:
     """SIGSTOP of the agent; nsenter has become it."""
     world.processes[robot].send_signal(signal.SIGSTOP)
 
@@ -297,7 +297,7 @@ def stop(world: World, robot: str) -> None:
 def main() -> int:
     """Run the story, and judge it by what the node wrote."""
     folder, faketime = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else ""
-    with running_world(folder, faketime) as world:
+    with running_testbed(folder, faketime) as world:
         try:
             took = story(world)
         except AssertionError:

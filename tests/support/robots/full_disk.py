@@ -1,6 +1,6 @@
 """A program for a small disk of its own: fills it and frees it under an outbox, and counts what became of the samples.
 
-python -m tests.support.full_disk DIRECTORY CYCLES    prints a JSON object
+python -m tests.support.robots.full_disk DIRECTORY CYCLES    prints a JSON object
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 from edge_agent.errors import DiskError, DiskFullError
 from edge_agent.outbox import LOGS, OsDisk, run_steps, steps
 from metaros.clock import ManualClock
-from tests.support.outbox_drain import check_ledger, deliver
-from tests.support.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
-from tests.support.sim_gateway import SimStore
+from tests.support.robots.outbox_drain import check_ledger, deliver
+from tests.support.simulation.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
+from tests.support.simulation.sim_gateway import SimStore
 
 KIB = 1024
 

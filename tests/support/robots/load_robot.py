@@ -19,24 +19,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from edge_agent.batch import Linger
-from edge_agent.channels import METRIC_STREAM, Channels
-from edge_agent.live import LiveQueue
+from edge_agent.config.gateway_address import parse_address
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import METRIC_STREAM, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.link.budget import Budget
 from edge_agent.outbox import CLASSES, OsDisk, Outbox, OutboxWriter
 from edge_agent.outbox.outbox import FlushJob
-from edge_agent.state import boot_id
-from edge_agent.state_dir import locked
-from edge_agent.store_id import StoreId
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.address import parse_address
+from edge_agent.state.state import boot_id
+from edge_agent.state.state_dir import locked
+from edge_agent.state.store_id import StoreId
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.keeper import SessionKeeper
-from edge_agent.uplink.session import AgentSession, Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import AgentSession, Identity
+from edge_agent.uplink.session_manager import SessionManager
 from edge_agent.uplink.uplink import Uplink
 from metaros.clock import SystemClock, system_rng
 from metaros.idl import type_hash
-from tests.support.load_robot_samples import KINDS, LOST, Counters, Entry, Journal, number_in, number_of, payload
+from tests.support.robots.load_robot_samples import KINDS, LOST, Counters, Entry, Journal, number_in, number_of, payload
 
 __all__ = ["RobotConfig", "die_with_parent", "enter_network", "log_to", "run_robot"]
 
@@ -260,7 +261,7 @@ class LoadRobot:
         partial.replace(self.config.folder / "final.json")
 
 
-class LoadKeeper(SessionKeeper):
+class LoadKeeper(SessionManager):
     """Counts what happens to the link."""
 
     counters: Counters

@@ -9,11 +9,14 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.support.load_robot import die_with_parent, log_to
+from tests.support.robots.load_robot import die_with_parent, log_to
 
 __all__ = ["PRELOAD", "GatewayConfig", "run_gateway"]
 
-PRELOAD = ("tests.support.load_robot_stack", "gateway.main")  # also what the campaign's own module imports, each time
+PRELOAD = (
+    "tests.support.robots.load_robot_stack",
+    "gateway.main",
+)  # also what the campaign's own module imports, each time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +37,8 @@ class GatewayConfig:
 
 def run_gateway(config: GatewayConfig) -> None:
     """The process."""
-    import gateway.binding
     import gateway.ingest.link_service
+    import gateway.server.bind_address
     import gateway.settings
     from gateway.main import run
     from gateway.settings import Settings
@@ -43,7 +46,7 @@ def run_gateway(config: GatewayConfig) -> None:
     die_with_parent()
     log_to(config.folder / "gateway.log")
     if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
-        gateway.settings.is_loopback = gateway.binding.is_loopback = lambda host: True
+        gateway.settings.is_loopback = gateway.server.bind_address.is_loopback = lambda host: True
         vars(gateway.ingest.link_service)["is_local_peer"] = lambda peer: True
     if config.busy:
         be_busy()
@@ -66,14 +69,14 @@ def run_gateway(config: GatewayConfig) -> None:
 
 def be_busy() -> None:
     """Compact, merge and purge as fast as it goes."""
-    import gateway.store.compactor
+    import gateway.store.telemetry.compactor
     import gateway.store.writer
-    from gateway.store.compact import CompactPace
+    from gateway.store.telemetry.compact import CompactPace
     from gateway.store.writer import Pace
 
     compaction = CompactPace(
         size_bytes=48 << 10, small_bytes=0, age_s=0.5, batches=400, look_every_s=0.005, sweep_every_s=0.3, retry_s=0.05
     )
     writing = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.2)
-    vars(gateway.store.compactor)["CompactPace"] = lambda: compaction
+    vars(gateway.store.telemetry.compactor)["CompactPace"] = lambda: compaction
     vars(gateway.store.writer)["Pace"] = lambda: writing

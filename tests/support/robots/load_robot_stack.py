@@ -15,11 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tests.support.checker import Stored, Verdict, check, read_sqlite
-from tests.support.load_robot import RobotConfig, run_robot
-from tests.support.load_robot_gateway import PRELOAD, GatewayConfig, run_gateway
-from tests.support.load_robot_samples import Counters
 from tests.support.ports import free_port
+from tests.support.robots.checker import Stored, Verdict, check, read_sqlite
+from tests.support.robots.load_robot import RobotConfig, run_robot
+from tests.support.robots.load_robot_gateway import PRELOAD, GatewayConfig, run_gateway
+from tests.support.robots.load_robot_samples import Counters
 from tests.support.waiting import wait_until
 
 __all__ = ["LoadStack"]

@@ -1,7 +1,7 @@
 """A robot's nodes keep their processes over everything that may end beside them; run by `test_node_survival.py`.
 
-`python -m tests.support.survival_story FOLDER` inside namespaces of its own (`INSIDE`): their network is ours, so
-that the link can be cut by the kernel, and no process of theirs outlives them.
+`python -m tests.support.robots.node_survival FOLDER` inside namespaces of its own (`INSIDE`): their network is
+ours, so that the link can be cut by the kernel, and no process of theirs outlives them.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ import psutil
 from metaros.errors import UnavailableError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from tests.support.netns import INSIDE as NETWORK
-from tests.support.netns import run
-from tests.support.processes import alive
-from tests.support.stack import Stack
+from tests.support.processes.netns import INSIDE as NETWORK
+from tests.support.processes.netns import run
+from tests.support.processes.processes import alive
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
-from tests.system.test_update_rollout import Desk
+from tests.system.fleet.test_update_rollout import CommandLine
 
 __all__ = ["INSIDE"]
 
@@ -46,7 +46,7 @@ class Story:
 
     def __init__(self, stack: Stack) -> None:
         self.stack = stack
-        self.metaros = Desk(stack)
+        self.metaros = CommandLine(stack)
         self.state = stack.folder / "robot"
         self.began_s = time.monotonic()
 

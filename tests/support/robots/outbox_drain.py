@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from edge_agent.outbox import LOGS, Frame, Kind, Outbox
 from metaros._proto import link_pb2
-from tests.support.sim_agent import Ledger
-from tests.support.sim_gateway import SimStore
+from tests.support.simulation.sim_agent import Ledger
+from tests.support.simulation.sim_gateway import SimStore
 
 __all__ = ["check_ledger", "deliver", "stamps_of"]
 

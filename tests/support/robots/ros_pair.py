@@ -10,14 +10,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import metaros
-from edge_agent.ros.desk import RosDesk
-from edge_agent.scope import Scope
-from edge_agent.uplink.desk import Told
-from gateway.domain.lease import LeaseTable
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.frames import ControlFrame
+from edge_agent.ros.manager import RosManager
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.errors import RobotOfflineError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.ros_side import RosSide
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.ros.feature import RosFeature
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
@@ -35,9 +35,9 @@ class Half:
     def __init__(self, pair: RosPair) -> None:
         self.pair = pair
         self.clock = SystemClock()
-        self.commands = CommandDesk(self.send, clock=self.clock)
-        self.fleet = FleetDesk(self.find, self.commands, LeaseTable(valid_s=3.0), clock=self.clock)
-        self.ros = RosSide(self.find, self.commands, self.fleet, self.send, clock=self.clock)
+        self.commands = CommandDispatcher(self.send, clock=self.clock)
+        self.fleet = FleetManager(self.find, self.commands, LeaseTable(valid_s=3.0), clock=self.clock)
+        self.ros = RosFeature(self.find, self.commands, self.fleet, self.send, clock=self.clock)
         self.online = False
 
     def find(self, robot_id: str) -> Any:
@@ -58,9 +58,9 @@ class RosPair:
     def __init__(self, context: metaros.Context) -> None:
         self.node = metaros.Node("metaros_agent", namespace=f"/{ROBOT}", context=context, enable_parameters=False)
         self.scope = Scope(f"/{ROBOT}")
-        self.desk = RosDesk(self.node, self.scope, SystemClock(), limits=QUICK)
+        self.manager = RosManager(self.node, self.scope, SystemClock(), limits=QUICK)
         self.gateway = Half(self)
-        self.running = asyncio.create_task(self.desk.run())
+        self.running = asyncio.create_task(self.manager.run())
         self.frames: list[link_pb2.AgentFrame] = []
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -69,20 +69,20 @@ class RosPair:
         half = self.gateway = gateway or self.gateway
         half.online = True
         half.ros.on_online(ROBOT, True)
-        self.desk.link_up(lambda frame: self._to_gateway(half, frame), link_pb2.Welcome(graph=True))
+        self.manager.link_up(lambda frame: self._to_gateway(half, frame), link_pb2.Welcome(graph=True))
 
     def cut(self) -> None:
         """The link is gone, for both."""
         self.gateway.online = False
         self.gateway.commands.on_offline(ROBOT)
         self.gateway.ros.on_online(ROBOT, False)
-        self.desk.link_down()
+        self.manager.link_down()
 
     async def restart_agent(self) -> None:
         """Its process ends and begins anew; call it while there is no link."""
         await self.close(whole=False)
-        self.desk = RosDesk(self.node, self.scope, SystemClock(), limits=QUICK)
-        self.running = asyncio.create_task(self.desk.run())
+        self.manager = RosManager(self.node, self.scope, SystemClock(), limits=QUICK)
+        self.running = asyncio.create_task(self.manager.run())
 
     def to_agent(self, half: Half, frame: link_pb2.GatewayFrame) -> None:
         """A frame of the gateway's."""
@@ -91,7 +91,7 @@ class RosPair:
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         else:
-            self.desk.take(Told(frame, 0.0))
+            self.manager.take(ControlFrame(frame, 0.0))
 
     async def close(self, *, whole: bool = True) -> None:
         """End the agent."""
@@ -102,14 +102,14 @@ class RosPair:
 
     def _to_gateway(self, half: Half, frame: link_pb2.AgentFrame) -> None:
         if half.online and half is self.gateway:
-            told = link_pb2.AgentFrame.FromString(frame.SerializeToString())
-            self.frames.append(told)
-            half.ros.on_frame(ROBOT, told)
+            reported = link_pb2.AgentFrame.FromString(frame.SerializeToString())
+            self.frames.append(reported)
+            half.ros.on_frame(ROBOT, reported)
 
     async def _carry_out(self, half: Half, command: link_pb2.Command) -> None:
         result = link_pb2.CommandResult(command_id=command.command_id, ok=True)
         try:
-            action = self.desk.actions[command.WhichOneof("action") or ""]
+            action = self.manager.actions[command.WhichOneof("action") or ""]
             result.payload = await action(command, command.timeout_ms / 1000)
         except MetarosError as error:
             result.ok, result.code, result.message = False, error.code, str(error)

@@ -1,5 +1,5 @@
-"""A scripted robot of a story: it lives by its twin, fetches what is signed with the agent's own client, and its nodes
-restart by the supervisor's own policy; only processes are not started.
+"""A scripted robot for system tests: it follows its twin, fetches signed targets with the agent's own client, and its
+nodes restart by the supervisor's own policy; only processes are not started.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
-from metaros.supervise.policy import Exit, History, Quarantine, decide
-from metaros.twin import digest, parse
+from metaros.fleet.twin import digest, parse
+from metaros.supervise.restart_policy import Exit, History, Quarantine, decide
 from tests.gateway.harness import CONTROL, ScriptedAgent
 
 __all__ = ["MARK", "Defects", "StoryRobot"]

@@ -11,21 +11,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from edge_agent.update.errors import UpdateError
-from edge_agent.update.fetch import Patience
+from edge_agent.update.fetch import TransferLimits
 from edge_agent.update.files import replace_table
-from edge_agent.update.handover import Loaded
+from edge_agent.update.restart import LoaderInfo
 from edge_agent.update.slots import Current, Slots, python_of
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
-from metaros.bundle import BundleError
 from metaros.clock import ManualClock
-from tests.support.plain_http import TRUSTS_NOBODY
-from tests.support.tuf_repository import Served, TufRepository, serve, utc
+from metaros.fleet.bundle import BundleError
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.servers.tuf_repository import Served, TufRepository, serve, utc
 
 __all__ = ["OLD", "Hurry", "TufRobot", "fill_slot", "tuf_robot"]
 
 OLD = "2.0.0"
-PATIENT = Patience(head_s=60.0, span_s=60.0, span_bytes=10_000)
+PATIENT = TransferLimits(head_s=60.0, span_s=60.0, span_bytes=10_000)
 
 
 class Hurry:
@@ -73,7 +73,7 @@ class TufRobot:
         self.state_dir, self.served, self.clock = state_dir, served, clock
         self.slots = Slots(state_dir)
         self.restarts = 0
-        self.patience: Patience | Hurry = PATIENT
+        self.patience: TransferLimits | Hurry = PATIENT
         fill_slot(self.slots, "a", OLD)
         replace_table(self.slots.folder / "current", json.loads(json.dumps({"format": 1, **_good()})))
         self.begin()
@@ -94,7 +94,7 @@ class TufRobot:
             self.source,
             self.clock,
             random.Random(1),
-            loaded=Loaded(loader=("loader",)),
+            loader_info=LoaderInfo(loader=("loader",)),
             running=OLD,
             restart=self._restart,
         )

@@ -1,4 +1,4 @@
-"""People who edit the twins of a world in which everything breaks, and what it has to come to in the end."""
+"""Random edits of twins in a testbed with faults, and a model of the final state."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import asyncio
 from pathlib import Path
 from random import Random  # noqa: TID251 - the type of an argument
 
-from gateway.fleet.twin_plan import Edit
-from gateway.fleet.twins import Editor
+from gateway.fleet.twins.manager import Editor
+from gateway.fleet.twins.plan import Edit
 from tests.gateway.fleet.twin_model import Model, Step, random_step
-from tests.support.hurried import SPEED
-from tests.support.twin_world import FAULTS, JAM, NOT_ALLOWED, Agent, World
+from tests.support.processes.fast_loop import SPEED
+from tests.support.robots.twin_testbed import FAULTS, JAM, NOT_ALLOWED, Agent, Testbed
 
 __all__ = ["ROBOTS", "Edits"]
 
@@ -30,7 +30,7 @@ class Edits:
 
     def __init__(self, folder: Path, rng: Random) -> None:
         self.rng = rng
-        self.world = World(folder, rng, ROBOTS)
+        self.world = Testbed(folder, rng, ROBOTS)
         self.model = Model(ROBOTS, rng)
 
     async def burst(self, edits: int, faults: int) -> None:
@@ -82,18 +82,18 @@ class Edits:
         return {name: text for name, text in found.items() if text}
 
     async def _lacks(self, name: str, agent: Agent) -> str:
-        desired, confirm = self.world.twins.desk.desired_of(name), agent.confirm
+        desired, confirm = self.world.twins.manager.desired_of(name), agent.confirm
         wanted = self.model.document(name)
         if desired is None or not desired.revision:
-            return "" if confirm.lives_by.document == wanted == b"{}" else "nobody desires anything of it"
+            return "" if confirm.active_version.document == wanted == b"{}" else "nobody desires anything of it"
         assert desired.document == wanted, f"an edit of {name} is lost, or came twice"
-        if (confirm.state, confirm.lives_by.document) != ("applied", wanted):
+        if (confirm.state, confirm.active_version.document) != ("applied", wanted):
             if agent.online and confirm.revision == desired.revision and confirm.state in ("reverted", "refused"):
                 again = Editor(name="ada", code=True, confirm_within_s=ENOUGH_S)
-                await self.world.twins.desk.edit(name, Edit(again=True), again, dry_run=False)
+                await self.world.twins.manager.edit(name, Edit(again=True), again, dry_run=False)
             link = "online" if agent.online else "offline"
             return f"{link}, {confirm.state} {confirm.revision} of {desired.revision}: {confirm.why}"
         if left := agent.unlike(wanted):
             return f"lives otherwise: {left}"
-        state = await self.world.twins.desk.state(name)
+        state = await self.world.twins.manager.state(name)
         return "" if state.in_step and not state.behind else f"its gateway has heard of {state.reported}"

@@ -1,6 +1,6 @@
-"""A gateway's twins and the agents' side of them, both real, joined by wires that cut, delay, repeat and jam.
+"""A gateway's twins and the agents' side of them, both real, joined by simulated links that cut, delay, repeat and jam.
 
-Real: the store, the desks and the courier of the gateway; each robot's desk, state machine, record on disk, topic
+Real: the store, the desks and the courier of the gateway; each robot's manager, state machine, record on disk, topic
 table, channels, budget and the one that sets parameters. Played: the link itself, a robot's nodes, its supervisor and
 its updates. Runs on a `HurriedLoop`.
 """
@@ -17,28 +17,28 @@ from typing import Any
 
 import orjson
 
-from edge_agent.channels import Channels
+from edge_agent.config.topic_table import TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.scope import Scope
+from edge_agent.link.budget import Budget
+from edge_agent.link.byte_budget_override import UplinkLimit
+from edge_agent.link.frames import ControlFrame
 from edge_agent.nodes.errors import NodeRefusedError
 from edge_agent.outbox import IdLog
-from edge_agent.scope import Scope
-from edge_agent.topics import TopicTable
-from edge_agent.twin.parts import SameVersion
 from edge_agent.twin.record import OWN
 from edge_agent.twin.setup import open_twin
 from edge_agent.twin.state import TwinFile
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.desk import Told
-from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.twin.targets import SameVersion
 from gateway.domain.robot import Robot
 from gateway.errors import RobotOfflineError
 from gateway.store import RobotWrite, Store
 from metaros._proto import link_pb2
 from tests.gateway.fleet.twin_rig import twins_on
-from tests.support.hurried import HurriedClock
-from tests.support.ros_nodes import RosNodes
-from tests.support.sim_disk import SimDisk
+from tests.support.processes.fast_loop import HurriedClock
+from tests.support.robots.ros_nodes import RosNodes
+from tests.support.simulation.sim_disk import SimDisk
 
-__all__ = ["FAULTS", "JAM", "NOT_ALLOWED", "World"]
+__all__ = ["FAULTS", "JAM", "NOT_ALLOWED", "Testbed"]
 
 JAM = "jam"  # a node that nothing gets past as long as it runs
 NOT_ALLOWED = "forbidden"  # an entry that no allow-list has
@@ -86,7 +86,7 @@ class Updates(SameVersion):
 class Wire:
     """One link: frames one after the other, late, some of them twice; none after it is cut."""
 
-    def __init__(self, world: World, agent: Agent) -> None:
+    def __init__(self, world: Testbed, agent: Agent) -> None:
         self._world, self._agent = world, agent
         self._queues: dict[str, deque[bytes]] = {"up": deque(), "down": deque()}
         self._stirred = asyncio.Event()
@@ -129,7 +129,7 @@ class Wire:
 class Agent:
     """A robot and, while it runs, its agent's process."""
 
-    def __init__(self, world: World, name: str, site: str) -> None:
+    def __init__(self, world: Testbed, name: str, site: str) -> None:
         self.name, self.labels = name, {"site": site}
         self.disk = SimDisk(world.rng)
         self.ros = RosNodes(f"/{name}", **{node: {} for node in NODES})
@@ -157,7 +157,7 @@ class Agent:
         for topic in TOPICS:
             self.class_of(topic)
         self.confirm, self._clock = twin.confirm, clock
-        self.desk, values = twin.build(
+        self.manager, values = twin.build(
             self.ros,
             Scope(namespace),
             clock,
@@ -167,12 +167,12 @@ class Agent:
             nodes=self.supervisor,
             agent=self.updates,
         )
-        desk, actions = self.desk, twin.actions
+        manager, actions = self.manager, twin.actions
 
         async def live() -> None:
-            await desk.start(actions)
+            await manager.start(actions)
             self._world.spawn(self._connect(self.lives))
-            await desk.run()
+            await manager.run()
 
         self._tasks = [asyncio.ensure_future(work) for work in (live(), values.run())]
 
@@ -191,7 +191,7 @@ class Agent:
         if wire is None:
             return
         wire.break_off()
-        self.desk.link_down()
+        self.manager.link_down()
         self._world.spawn(self._noticed())
         if again:
             self._world.spawn(self._connect(self.lives))
@@ -240,7 +240,7 @@ class Agent:
             await asyncio.sleep(self._world.rng.random() * AWAY_S)
             if self.lives == life and self.wire is None and self._world.serves and not self._held and not self.jammed:
                 self.wire, self._held = Wire(self._world, self), True
-                self.desk.link_up(self.wire.tell, link_pb2.Welcome(twin=True))
+                self.manager.link_up(self.wire.tell, link_pb2.Welcome(twin=True))
                 self._world.spawn(self._established(self.wire))
 
     async def _established(self, wire: Wire) -> None:
@@ -257,7 +257,7 @@ class Agent:
         self._world.twins.on_online(self.name, False)
 
 
-class World:
+class Testbed:
     """One gateway, its robots at their sites, and what was said between them."""
 
     def __init__(self, folder: Path, rng: Random, robots: Mapping[str, str]) -> None:
@@ -339,7 +339,7 @@ class World:
         frame = link_pb2.GatewayFrame.FromString(data)
         if frame.HasField("twin_confirmed"):
             self.granted[agent.name].add(frame.twin_confirmed.revision)
-        agent.desk.take(Told(frame, 0.0))
+        agent.manager.take(ControlFrame(frame, 0.0))
 
     # -- faults and promises -----------------------------------------------------------------------------------------
 
@@ -367,8 +367,8 @@ class World:
             if task.done() and not task.cancelled() and (error := task.exception()) is not None:
                 raise error
         for name, agent in self.agents.items():
-            record, lives_by = TwinFile(agent.disk).load(), agent.confirm.lives_by
-            assert self.said_to[name][lives_by.revision] == lives_by.sha256, "a document that nobody sent"
+            record, active_version = TwinFile(agent.disk).load(), agent.confirm.active_version
+            assert self.said_to[name][active_version.revision] == active_version.sha256, "a document that nobody sent"
             assert record.applied.revision in self.granted[name], "kept, and nobody confirmed it"
             assert record.applied.revision >= self.floor[name], "it went back behind what was confirmed"
             self.floor[name] = record.applied.revision

@@ -9,15 +9,17 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Any
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channels
-from edge_agent.live import LiveQueue
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.address import parse_address
+from edge_agent.config.gateway_address import parse_address
+from edge_agent.config.topic_table import TopicRule, TopicTable
+from edge_agent.forwarding.channels import Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.link.budget import Budget
+from edge_agent.link.frames import CommandArrived
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.lane import Compression
-from edge_agent.uplink.session import AgentSession, CommandArrived, Established, Event, Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import AgentSession, Established, Event, Identity
 from edge_agent.uplink.statistics import LinkFacts
 from edge_agent.uplink.uplink import Uplink
 from metaros._proto import link_pb2

@@ -6,7 +6,7 @@ import contextlib
 import socket
 import time
 
-from tests.support.cutting_proxy import CuttingProxy
+from tests.support.servers.cutting_proxy import CuttingProxy
 
 __all__ = ["WeakLink"]
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.postgres import PostgresServer
-from tests.support.sqlite_store import place_store
+from tests.support.servers.postgres import PostgresServer
+from tests.support.servers.sqlite_store import place_store
 
 __all__ = ["on_both", "store_url"]
 

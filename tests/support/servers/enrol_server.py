@@ -1,4 +1,4 @@
-"""The enrolment door of a gateway as a small HTTPS server: it answers as told, and remembers what it was asked."""
+"""The enrolment endpoint of a gateway as a small HTTPS server with scripted answers; it records requests."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
 from metaros.link.proof import renew_statement, verify
-from tests.support.fleet_ca import FleetCa
+from tests.support.servers.fleet_ca import FleetCa
 
-__all__ = ["EnrolDoor", "enrol_door"]
+__all__ = ["EnrolServer", "enrol_server"]
 
 Answer = tuple[int, dict[str, Any]]
 
 
-class EnrolDoor:
+class EnrolServer:
     """What the server says. Set `twist` to change an answer, `refuse` to refuse, `drop` to lose answers."""
 
     def __init__(self, ca: FleetCa) -> None:
@@ -83,19 +83,19 @@ class EnrolDoor:
 
 
 @contextmanager
-def enrol_door(folder: Path, ca: FleetCa | None = None, *, served_by: FleetCa | None = None) -> Iterator[EnrolDoor]:
+def enrol_server(folder: Path, ca: FleetCa | None = None, *, served_by: FleetCa | None = None) -> Iterator[EnrolServer]:
     """A door of that fleet on this machine; `served_by`: TLS with another authority's certificate."""
-    door = EnrolDoor(ca or FleetCa())
+    authenticator = EnrolServer(ca or FleetCa())
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            self._say(*door.answer(self.path, {}))
+            self._say(*authenticator.answer(self.path, {}))
 
         def do_POST(self) -> None:
             body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-            status, answer = door.answer(self.path, body)
-            if door.drop:
-                door.drop -= 1
+            status, answer = authenticator.answer(self.path, body)
+            if authenticator.drop:
+                authenticator.drop -= 1
                 self.close_connection = True
                 return
             self._say(status, answer)
@@ -113,15 +113,15 @@ def enrol_door(folder: Path, ca: FleetCa | None = None, *, served_by: FleetCa | 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    key, chain = (served_by or door.ca).server()
+    key, chain = (served_by or authenticator.ca).server()
     (folder / "door.pem").write_text(key + chain)
     context.load_cert_chain(folder / "door.pem")
     server.socket = context.wrap_socket(server.socket, server_side=True, do_handshake_on_connect=False)
-    door.url = f"https://localhost:{server.server_address[1]}"
+    authenticator.url = f"https://localhost:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
     thread.start()
     try:
-        yield door
+        yield authenticator
     finally:
         server.shutdown()
         thread.join()

@@ -11,8 +11,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
+from edge_agent.identity.enrolment_token import spki_pin
 from edge_agent.identity.key import key_to_pem, new_key
-from edge_agent.identity.pin import spki_pin
 
 __all__ = ["FleetCa", "pem"]
 

@@ -21,7 +21,7 @@ from tests.support.waiting import wait_until
 
 __all__ = ["Nginx", "nginx_program"]
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "behind_a_proxy.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "howto" / "behind_a_proxy.md"
 CONFIG = """\
 daemon off;
 pid {folder}/nginx.pid;

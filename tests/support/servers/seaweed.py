@@ -18,8 +18,8 @@ import boto3
 import botocore.exceptions
 from botocore.config import Config
 
+from tests.support.gateways.quick_boto import read_documents_once
 from tests.support.ports import free_port
-from tests.support.quick_boto import read_documents_once
 from tests.support.waiting import wait_until
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from tuf.api.metadata import (
     Timestamp,
 )
 
-from metaros.bundle import Manifest
-from tests.support.zips import member
+from metaros.fleet.bundle import Manifest
+from tests.support.deployment.zips import member
 
 __all__ = ["Served", "TufRepository", "make_bundle", "make_wheel", "serve", "target_file"]
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 from edge_agent.uplink.session import LANES
 from metaros.clock import ManualClock
-from tests.support.sim_agent import LIMITS, Agent, Ledger
-from tests.support.sim_disk import Crash, SimDisk
-from tests.support.sim_gateway import Gateway, Key, Link, SimStore
+from tests.support.simulation.sim_agent import LIMITS, Agent, Ledger
+from tests.support.simulation.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_gateway import Gateway, Key, Link, SimStore
 
-__all__ = ["KINDS", "Parts", "World", "run_world"]
+__all__ = ["KINDS", "LinkSimulation", "Parts", "run_simulation"]
 
 KIB = 1024
 PLAIN = {
@@ -57,7 +57,7 @@ class Parts:
     disk: type[SimDisk] = SimDisk
 
 
-class World:
+class LinkSimulation:
     """One robot, its gateway, and what happens to them."""
 
     def __init__(self, seed: int, *, kinds: Collection[str] | None = None, parts: Parts | None = None) -> None:
@@ -316,9 +316,11 @@ class World:
         return "rollback" in self.kinds and (forked or era not in held)
 
 
-def run_world(seed: int, *, count: int = 60, kinds: Collection[str] | None = None, parts: Parts | None = None) -> World:
+def run_simulation(
+    seed: int, *, count: int = 60, kinds: Collection[str] | None = None, parts: Parts | None = None
+) -> LinkSimulation:
     """A world's whole life, checked at its end."""
-    world = World(seed, kinds=kinds, parts=parts)
+    world = LinkSimulation(seed, kinds=kinds, parts=parts)
     for _ in range(count):
         world.step()
     world.heal()

@@ -7,24 +7,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channel, Channels
+from edge_agent.config.topic_table import TopicRule, TopicTable
 from edge_agent.errors import DiskError, LinkError, RefusedError
-from edge_agent.live import LiveQueue
+from edge_agent.forwarding.channels import Channel, Channels
+from edge_agent.forwarding.live_batch import Linger
+from edge_agent.forwarding.live_queue import LiveQueue
+from edge_agent.link.budget import Budget
 from edge_agent.outbox import LOGS, ClassPolicy, Outbox, run_steps, steps
 from edge_agent.outbox.outbox import FlushJob
 from edge_agent.outbox.pending import Lost
 from edge_agent.outbox.state import OutboxState
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.session import LANES, AgentSession, Established, Identity, Queues
+from edge_agent.uplink.queues import Queues
+from edge_agent.uplink.session import LANES, AgentSession, Established, Identity
 from metaros.idl import type_hash
 from metaros.limits import Limits
-from tests.support.sim_disk import Crash, SimDisk
-from tests.support.sim_gateway import Key, Link
+from tests.support.simulation.sim_disk import Crash, SimDisk
+from tests.support.simulation.sim_gateway import Key, Link
 
 if TYPE_CHECKING:
-    from tests.support.link_sim import World
+    from tests.support.simulation.link_sim import LinkSimulation
 
 __all__ = ["CLASSES", "LIMITS", "Agent", "Ledger", "WatchedOutbox"]
 
@@ -132,7 +133,7 @@ class Agent:
 
     outbox_type: type[WatchedOutbox] = WatchedOutbox
 
-    def __init__(self, world: World, disk: SimDisk, name: str, ledger: Ledger) -> None:
+    def __init__(self, world: LinkSimulation, disk: SimDisk, name: str, ledger: Ledger) -> None:
         self.world = world
         self.disk = disk
         self.name = name

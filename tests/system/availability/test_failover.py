@@ -9,12 +9,12 @@ import pytest
 
 from gateway.store import Store
 from gateway.store.retention import Retention
-from gateway.store.samples import StoredBatch
+from gateway.store.telemetry.samples import StoredBatch
 from metaros.clock import SystemClock
 from tests.support.ports import free_port
-from tests.support.postgres import PostgresServer
-from tests.support.stack import Program, Stack
-from tests.support.uplinks import Owner, feed, running, wait
+from tests.support.processes.stack import Program, Stack
+from tests.support.robots.uplinks import Owner, feed, running, wait
+from tests.support.servers.postgres import PostgresServer
 
 
 def start_gateway(stack: Stack, name: str, url: str, port: int) -> Program:

@@ -16,10 +16,10 @@ import pytest
 
 import metaros
 from metaros.interfaces.std_msgs.msg import String
-from tests.support.certificates import make_certificate
-from tests.support.checker import payloads_of
-from tests.support.nginx import Nginx, nginx_program
-from tests.support.stack import Program, Stack
+from tests.support.processes.stack import Program, Stack
+from tests.support.robots.checker import payloads_of
+from tests.support.servers.certificates import make_certificate
+from tests.support.servers.nginx import Nginx, nginx_program
 from tests.support.waiting import wait_until
 
 CONFIG = """
@@ -136,11 +136,11 @@ def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tm
             wait_until(lambda: link(stack).get("transport") == "websocket", timeout_s=60)
             assert link(stack)["gateway"] == nginx.url
 
-            def heard() -> bool:
+            def received() -> bool:
                 counter.hello()
                 return "/sim_1/numbers" in stack.topics("sim_1")
 
-            wait_until(heard, timeout_s=60, every_s=0.1)
+            wait_until(received, timeout_s=60, every_s=0.1)
             wait_until(lambda: counter.publisher.events.matched)
             counter.start()
             grow(counter)

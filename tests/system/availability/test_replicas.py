@@ -10,11 +10,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.support.postgres import PostgresServer
-from tests.support.replica_schedules import alerts, fired, schedule, wait_for_all
-from tests.support.replicas import Fleet, Replica, Replicas, fleet
-from tests.support.stack import Stack
-from tests.support.uplinks import wait
+from tests.support.gateways.replica_schedules import alerts, fired, schedule, wait_for_all
+from tests.support.gateways.replicas import Fleet, Replica, Replicas, fleet
+from tests.support.processes.stack import Stack
+from tests.support.robots.uplinks import wait
+from tests.support.servers.postgres import PostgresServer
 
 TIMES = 4  # at which a schedule fires
 EVERY_S = 3
@@ -50,10 +50,12 @@ async def test_replicas_are_killed_under_load_and_restarted_one_after_the_other(
             assert len(opened) == len(set(opened))
             assert len(opened) >= TIMES
             async with other.client() as http:
-                told = [event["id"] for event in (await http.get("/api/v1/events?after=0&limit=1000")).json()["events"]]
-            await wait(lambda: set(told) <= set(run.watcher.events))
-            heard = run.watcher.events
-            assert len(heard) == len(set(heard)), "a viewer's events go on where they ended, at another replica"
+                reported = [
+                    event["id"] for event in (await http.get("/api/v1/events?after=0&limit=1000")).json()["events"]
+                ]
+            await wait(lambda: set(reported) <= set(run.watcher.events))
+            received = run.watcher.events
+            assert len(received) == len(set(received)), "a viewer's events go on where they ended, at another replica"
             moved = [seconds for robot in run.robots for seconds in robot.back_s]
             print(f"links back after {max(moved):.2f} s at most, of {len(moved)}")
         await check_samples(run)

@@ -14,9 +14,9 @@ from metaros.interfaces.std_msgs.msg import String
 from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
 from tests.gateway.harness import OPERATOR_KEY, running_gateway
-from tests.support.counter import Counter
+from tests.support.nodes.counter import Counter
 from tests.support.waiting import wait_until_async
-from tests.system.test_actions import agent
+from tests.system.robot.test_actions import agent
 
 ADD = message_class("example_interfaces/srv/AddTwoInts")
 

@@ -14,10 +14,10 @@ import pytest
 from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
 from tests.gateway.harness import OPERATOR_KEY
-from tests.support.bridged_robot import ADD, FIBONACCI, BridgedRobot, Script, bridged_robot
+from tests.support.gateways.bridged_robot import ADD, FIBONACCI, BridgedRobot, Script, bridged_robot
 from tests.support.waiting import wait_until_async
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MODULES = ROOT / "dashboard" / "node_modules"
 FOLDER = ROOT / "tests" / "clients"
 STRING, SCAN = "std_msgs/msg/String", "sensor_msgs/msg/LaserScan"
@@ -94,15 +94,15 @@ async def carried_out(world: BridgedRobot) -> None:
     """Goals of a node of the robot, worked on by the client: one ends well, one is cancelled."""
     sender = world.node.create_action_client(FIBONACCI, "js_count")
     assert await asyncio.to_thread(sender.wait_for_server, 60)
-    heard: list[Any] = []
-    goal = await sender.send_goal(FIBONACCI.Goal(order=4), feedback=heard.append, timeout_s=60)
+    received: list[Any] = []
+    goal = await sender.send_goal(FIBONACCI.Goal(order=4), feedback=received.append, timeout_s=60)
     done = await goal.result(60)
     assert (done.status.name, list(done.result.sequence)) == ("SUCCEEDED", [4])
-    await wait_until_async(lambda: heard)  # feedback comes by another way than the result
-    assert list(heard[0].sequence) == [1]
-    heard.clear()
-    long = await sender.send_goal(FIBONACCI.Goal(order=1000), feedback=heard.append, timeout_s=60)
-    await wait_until_async(lambda: heard)  # the client has it: a goal that still waits for its turn ends without it
+    await wait_until_async(lambda: received)  # feedback comes by another way than the result
+    assert list(received[0].sequence) == [1]
+    received.clear()
+    long = await sender.send_goal(FIBONACCI.Goal(order=1000), feedback=received.append, timeout_s=60)
+    await wait_until_async(lambda: received)  # the client has it: a goal that still waits for its turn ends without it
     assert await long.cancel(60)
     done = await long.result(60)
     assert (done.status.name, list(done.result.sequence)) == ("CANCELED", [7])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 
@@ -32,8 +32,8 @@ def test_two_commands_make_a_robot_that_nobody_else_can_be(
     with shared_gateway.beside(tmp_path) as stack:
         zenoh = ("--zenoh-profile", "protected", "--zenoh-credentials", str(tmp_path / "zenoh"))
         stack.start("router", "router", "--port", str(stack.zenoh_port), *zenoh)
-        told = metaros(f"metaros robot token --robot arm_1 --gateway {stack.url}", METAROS_KEY=stack.key)
-        command = next(line for line in told.splitlines() if line.startswith("metaros agent enrol"))
+        reported = metaros(f"metaros robot token --robot arm_1 --gateway {stack.url}", METAROS_KEY=stack.key)
+        command = next(line for line in reported.splitlines() if line.startswith("metaros agent enrol"))
         assert "enrolled arm_1" in metaros(command)
         port = ("--zenoh-port", str(stack.zenoh_port))
         agent = stack.start("agent", "agent", "--name", "arm_1", "--namespace", "/arm_1", *port, *zenoh)

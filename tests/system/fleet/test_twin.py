@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.support.cutting_proxy import CuttingProxy
-from tests.support.stack import Program, Stack
+from tests.support.processes.stack import Program, Stack
+from tests.support.servers.cutting_proxy import CuttingProxy
 from tests.support.waiting import wait_until
 
 NAMESPACE = "/sim_1"

@@ -13,10 +13,10 @@ import pytest
 
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
+from tests.support.robots.weak_link import WeakLink
 from tests.support.waiting import wait_until
-from tests.support.weak_link import WeakLink
-from tests.system.test_twin import Robot
+from tests.system.fleet.test_twin import Robot
 
 ROOM = 90_000  # bytes a second that the link carries
 SAFE, LOAD = 20_000, 200_000  # bytes a second: a budget, and what a topic would send without one

@@ -16,11 +16,11 @@ from edge_agent.update.slots import Slots
 from metaros.errors import UnavailableError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from tests.support.command_line import call_metaros
-from tests.support.stack import Stack
-from tests.support.tuf_repository import make_bundle
+from tests.support.deployment.wheels import wheel_of
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.stack import Stack
+from tests.support.servers.tuf_repository import make_bundle
 from tests.support.waiting import wait_until
-from tests.support.wheels import wheel_of
 
 WITHIN_S = 300.0
 SLEEPER = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
@@ -33,7 +33,7 @@ pytestmark = [
 ]
 
 
-class Desk:
+class CommandLine:
     """The command line of whoever runs the fleet."""
 
     def __init__(self, stack: Stack) -> None:
@@ -51,7 +51,7 @@ class Desk:
         return json.loads(self(f"{command} -o json"))
 
 
-def sign_and_publish(metaros: Desk, folder: Path, bundles: list[Path]) -> None:
+def sign_and_publish(metaros: CommandLine, folder: Path, bundles: list[Path]) -> None:
     """As docs/howto/publish_updates.md says it."""
     key = f"--passphrase-file {folder / 'words'}"
     if not (folder / "keys").exists():
@@ -77,7 +77,7 @@ def test_a_rollout_of_the_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     config = tmp_path / "agent.toml"
     config.write_text(f"[[allowed]]\nname = 'sleeper'\ncommand = {json.dumps(SLEEPER)}\n")
     with Stack(tmp_path) as stack:
-        metaros = Desk(stack)
+        metaros = CommandLine(stack)
         stack.router()
         stack.gateway()
         states = {name: tmp_path / "agents" / name for name in ("arm_1", "arm_2")}

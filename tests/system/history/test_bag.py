@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 import metaros
 from metaros.record import open_bag, rewrite
 from metaros.wire import qos_reliable_all
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 WAIT_S = 60.0
@@ -83,13 +83,13 @@ def check_playback(stack: Stack, folder: Path) -> None:
     bag = open_bag(folder)
     for message in bag.messages():
         recorded[message.topic.name].append(message.data)
-    heard: dict[str, list[bytes]] = {name: [] for name in recorded}
+    received: dict[str, list[bytes]] = {name: [] for name in recorded}
     with (
         metaros.Context(connect=f"tcp/127.0.0.1:{stack.zenoh_port}") as context,
         metaros.Node("ears", context=context, enable_rosout=False, enable_parameters=False) as node,
     ):
         for topic in bag.topics:
-            sink = heard[topic.name]
+            sink = received[topic.name]
             node.create_raw_subscription(
                 topic.name,
                 topic.type_name,
@@ -101,8 +101,8 @@ def check_playback(stack: Stack, folder: Path) -> None:
         player = stack.start("player", "bag", "play", str(folder), *options, ready=False)
         wait_until(lambda: player.process.poll() is not None, timeout_s=3 * WAIT_S)
         assert player.process.returncode == 0, player.output
-        wait_until(lambda: sum(map(len, heard.values())) >= bag.message_count, timeout_s=WAIT_S)
-    assert heard == recorded
+        wait_until(lambda: sum(map(len, received.values())) >= bag.message_count, timeout_s=WAIT_S)
+    assert received == recorded
 
 
 @pytest.fixture(scope="module")

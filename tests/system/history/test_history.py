@@ -11,8 +11,8 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from tests.support.command_line import run_metaros
-from tests.support.stack import Stack
+from tests.support.processes.command_line import run_metaros
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 ROBOTS = ("sim_1", "sim_2")

@@ -10,8 +10,8 @@ import numpy as np
 
 from metaros.cdr import codec
 from tests.support.data import data_set
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 SPAN_S = 120.0  # of the log

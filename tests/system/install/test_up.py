@@ -20,9 +20,9 @@ import httpx
 import psutil
 import pytest
 
-from tests.support.command_line import call_metaros
 from tests.support.ports import free_port
-from tests.support.processes import END_S, end
+from tests.support.processes.command_line import call_metaros
+from tests.support.processes.processes import END_S, end
 from tests.support.waiting import wait_until
 
 START_S = 200.0

@@ -1,6 +1,6 @@
 """`metaros up --replicas`: gateways on one PostgreSQL, a robot that goes to another one of them, and all of it ends.
 
-That robots spread over them is in the plan: `tests/metaros/cli/test_up_plan.py`.
+That robots spread over them is in the plan: `tests/metaros/cli/up/test_launch_table.py`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import psutil
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.postgres import PostgresServer
-from tests.support.processes import END_S
+from tests.support.processes.processes import END_S
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
-from tests.system.test_up import running
+from tests.system.install.test_up import running
 
 
 def online(url: str) -> dict[str, str]:

@@ -12,16 +12,16 @@ import psutil
 import pytest
 
 import metaros
+from metaros.automation.robot.bundle import make_bundle as function_bundle
 from metaros.errors import UnavailableError
 from metaros.interfaces.std_msgs.msg import String
-from metaros.robot_functions.bundle import make_bundle as function_bundle
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
-from tests.support.robot_function import write_function
-from tests.support.stack import Stack
-from tests.support.tuf_repository import make_bundle, make_wheel
+from tests.support.functions.robot_function import write_function
+from tests.support.processes.stack import Stack
+from tests.support.servers.tuf_repository import make_bundle, make_wheel
 from tests.support.waiting import wait_until
-from tests.system.test_update_rollout import Desk, sign_and_publish
+from tests.system.fleet.test_update_rollout import CommandLine, sign_and_publish
 
 WITHIN_S = 240.0
 ROBOT, NODE, FUNCTION = "arm_1", "lidar-node", "echo"
@@ -73,17 +73,17 @@ def function_of(folder: Path, version: str) -> Path:
 class Robot:
     """The robot as its twin and its supervisor tell of it."""
 
-    def __init__(self, stack: Stack, desk: Desk) -> None:
+    def __init__(self, stack: Stack, metaros: CommandLine) -> None:
         self.stack, self.state = stack, stack.folder / "robot"
         self.name = ""
-        self._desk, self._path = desk, stack.folder / "twin.json"
+        self._metaros, self._path = metaros, stack.folder / "twin.json"
 
     def want(self, bundle: str, version: str, **more: Any) -> None:
         """The node of that bundle, and no other."""
         self.name = NAMES[bundle]
         row = {"bundle": bundle, "version": version, **more}
         self._path.write_text(json.dumps({"nodes": {self.name: row}}))
-        self._desk(f"twin set {ROBOT} {self._path}")
+        self._metaros(f"twin set {ROBOT} {self._path}")
 
     def node(self) -> dict[str, Any]:
         """The one that is wanted, as the gateway has it reported."""
@@ -93,12 +93,12 @@ class Robot:
     def until(self, version: str, state: str) -> dict[str, Any]:
         """That version has come to this state; the node then."""
         wanted = (version, state)
-        wait_until(lambda: told(self.node()) == wanted, timeout_s=WITHIN_S, every_s=0.05)
+        wait_until(lambda: reported(self.node()) == wanted, timeout_s=WITHIN_S, every_s=0.05)
         wait_until(lambda: self.node().get("state") == "running", timeout_s=WITHIN_S, every_s=0.05)
         return self.node()
 
 
-def told(node: dict[str, Any]) -> tuple[str, str]:
+def reported(node: dict[str, Any]) -> tuple[str, str]:
     """What is said of its update."""
     update = node.get("update", {})
     return update.get("version", ""), update.get("state", "")
@@ -110,13 +110,13 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     folder = tmp_path_factory.mktemp("bundles")
     with pytest.MonkeyPatch.context() as monkeypatch, Stack(folder) as stack:
         monkeypatch.setenv("HOME", str(folder))
-        desk = Desk(stack)
-        robot = Robot(stack, desk)
+        metaros = CommandLine(stack)
+        robot = Robot(stack, metaros)
         stack.router()
         stack.gateway()
         (folder / "agent.toml").write_text(SETTINGS)
-        token = desk.json(f"robot token --robot {ROBOT}")["token"]
-        desk(f"agent enrol {token} --name {ROBOT} --state-dir {robot.state}")
+        token = metaros.json(f"robot token --robot {ROBOT}")["token"]
+        metaros(f"agent enrol {token} --name {ROBOT} --state-dir {robot.state}")
         where = ("--zenoh-port", str(stack.zenoh_port), "--zenoh-profile", "open", "--state-dir", str(robot.state))
         options = ("--name", ROBOT, "--namespace", f"/{ROBOT}", "--no-host-metrics", *where)
         stack.start("agent", "agent", *options, "--config", str(folder / "agent.toml"))
@@ -126,7 +126,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
             node_of(folder, "1.2.0", GOOD, min_version="1.2.0"),
         ]
         functions = [function_of(folder, version) for version in ("1.0.0", "1.1.0")]
-        sign_and_publish(desk, folder / "updates", [*nodes, *functions])
+        sign_and_publish(metaros, folder / "updates", [*nodes, *functions])
         wait_until(lambda: ROBOT in stack.online(), timeout_s=WITHIN_S)
         try:
             yield robot
@@ -164,7 +164,7 @@ def test_a_node_runs_from_its_bundle_and_a_broken_version_is_taken_back(robot: R
 
 def test_a_function_runs_from_its_bundle_through_versions_and_crashes(robot: Robot) -> None:
     robot.want(FUNCTION, "9.0.0")  # nobody signed any 9.0.0
-    wait_until(lambda: told(robot.node()) in (("9.0.0", "refused"), ("9.0.0", "failed")), timeout_s=WITHIN_S)
+    wait_until(lambda: reported(robot.node()) in (("9.0.0", "refused"), ("9.0.0", "failed")), timeout_s=WITHIN_S)
     assert robot.node().get("state") != "running"
 
     answers: list[str] = []

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from tests.faults.campaigns import skip_without_namespaces
-from tests.support.survival_story import INSIDE
+from tests.support.robots.node_survival import INSIDE
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.integration
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_nodes_keep_their_processes_over_all_but_the_supervisors_end(tmp_path: Path) -> None:
     skip_without_namespaces()
 
-    story = [*INSIDE, sys.executable, "-m", "tests.support.survival_story", str(tmp_path)]
+    story = [*INSIDE, sys.executable, "-m", "tests.support.robots.node_survival", str(tmp_path)]
     done = subprocess.run(story, cwd=ROOT, capture_output=True, text=True, timeout=1100, check=False)
 
     print(done.stdout)

@@ -13,20 +13,20 @@ from typing import Any
 
 import pytest
 
-from tests.support.command_line import ask_metaros
-from tests.support.processes import started
-from tests.support.stack import Stack
+from tests.support.processes.command_line import ask_metaros
+from tests.support.processes.processes import started
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.integration
 ROBOT = "afar_cli"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
 def stack(shared_gateway: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """A simulated robot with its agent, and a gateway that has heard its graph."""
-    with shared_gateway.beside(tmp_path_factory.mktemp("afar")) as found:
+    with shared_gateway.beside(tmp_path_factory.mktemp("remote")) as found:
         found.router()
         found.sim("--no-camera")
         found.agent(ROBOT, namespace="/sim_1")
@@ -53,7 +53,7 @@ def both(stack: Stack, *words: str) -> tuple[Any, Any]:
     return json.loads(far(stack, *words, "-o", "json")), json.loads(run(stack, *words, "-o", "json")[0])
 
 
-def test_the_graph_is_the_same_from_afar(stack: Stack) -> None:
+def test_the_graph_is_the_same_remotely(stack: Stack) -> None:
     def own(rows: list[dict[str, Any]], key: str) -> list[Any]:
         return sorted((row[key], row["types"]) for row in rows if row[key].startswith("/sim_1/"))
 
@@ -70,13 +70,13 @@ def test_the_graph_is_the_same_from_afar(stack: Stack) -> None:
     assert "/sim_1/base" in far(stack, "graph")
 
 
-def test_topics_are_heard_and_written(stack: Stack) -> None:
+def test_topics_are_received_and_written(stack: Stack) -> None:
     message = json.loads(far(stack, "topic", "echo", "odom", "--once", "-o", "json"))
     assert message["child_frame_id"]
     assert "average rate" in far(stack, "topic", "hz", "/sim_1/odom", "-n", "2")
     assert far(stack, "topic", "type", "odom").strip() == "nav_msgs/msg/Odometry"
-    out = far(stack, "topic", "pub", "note", "std_msgs/String", "data: from afar", "--once")
-    assert "from afar" in out
+    out = far(stack, "topic", "pub", "note", "std_msgs/String", "data: from elsewhere", "--once")
+    assert "from elsewhere" in out
     _, err = run(stack, "topic", "echo", "/sim_1/odo", "--robot", ROBOT, code=1)
     assert "did you mean /sim_1/odom?" in err
     _, err = run(stack, "topic", "pub", "cmd_vel", "geometry_msgs/Twist", "--once", "--robot", ROBOT, code=1)
@@ -98,10 +98,10 @@ def test_a_goal_is_sent_followed_and_cancelled(stack: Stack) -> None:
     with started(argv, env=environ):
         wait_until(lambda: "/sim_1/fibonacci" in far(stack, "action", "list"), timeout_s=120)
         lines = far(stack, "action", "send_goal", "fibonacci", "{order: 3}", "--feedback", "-o", "json").splitlines()
-        told = [json.loads(line) for line in lines]
-        assert told[0]["accepted"] is True
-        assert "feedback" in told[1]
-        assert told[-1] == {"status": "SUCCEEDED", "result": {"sequence": [0, 1, 1, 2]}}
+        reported = [json.loads(line) for line in lines]
+        assert reported[0]["accepted"] is True
+        assert "feedback" in reported[1]
+        assert reported[-1] == {"status": "SUCCEEDED", "result": {"sequence": [0, 1, 1, 2]}}
         words = ("action", "send_goal", "fibonacci", "{order: 46}", "--robot", ROBOT)
         more = {"METAROS_KEY": stack.key, "METAROS_GATEWAY_URL": stack.url}
         with started([sys.executable, "-u", "-m", "metaros", *words], env={**environ, **more}) as client:

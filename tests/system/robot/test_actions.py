@@ -11,14 +11,14 @@ from typing import Any
 
 import httpx
 
-from edge_agent.config import Settings as AgentSettings
+from edge_agent.config.settings import Settings as AgentSettings
 from edge_agent.main import run_agent
 from metaros.cdr import codec
 from metaros.idl import message_class
 from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
 from tests.gateway.harness import client, running_gateway
-from tests.support.counter import Counter
+from tests.support.nodes.counter import Counter
 
 BASE = "/api/v1/robots/sim_1"
 ADD = message_class("example_interfaces/srv/AddTwoInts")

@@ -11,9 +11,9 @@ import pytest
 
 from metaros.cdr import codec
 from metaros.idl import Catalogue, add_schema_text, type_hash
-from tests.support.far_robot import far_robot
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.processes.stack import Stack
+from tests.support.robots.custom_types_robot import custom_types_robot
 from tests.support.waiting import wait_until
 
 
@@ -25,7 +25,7 @@ def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(shared_
         wait_until(lambda: "handy" in stack.online())
         with (
             open_socket(stack.url, "/api/v1/stream") as viewer,
-            far_robot(f"tcp/127.0.0.1:{stack.zenoh_port}", tmp_path / "hand.log", namespace="/handy"),
+            custom_types_robot(f"tcp/127.0.0.1:{stack.zenoh_port}", tmp_path / "hand.log", namespace="/handy"),
         ):
             subscribe(viewer, 1, "handy", "/handy/hand")
             channels: dict[int, dict[str, Any]] = {}
@@ -37,9 +37,9 @@ def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(shared_
                 except TimeoutError:
                     continue
                 if isinstance(frame, str):
-                    told = json.loads(frame)
-                    if told["op"] == "channel":
-                        channels[told["channel"]] = told
+                    reported = json.loads(frame)
+                    if reported["op"] == "channel":
+                        channels[reported["channel"]] = reported
                 else:
                     described = [item for item in records(frame) if channels[item.channel]["schema"]]
                     payload = described[0].payload if described else b""

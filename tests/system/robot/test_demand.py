@@ -13,8 +13,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 ROBOT = "watched"
@@ -60,7 +60,7 @@ def watch_json(socket: ClientConnection) -> None:
         pass
 
 
-DOORS: dict[str, tuple[Callable[[ClientConnection], None], dict[str, Any]]] = {
+ENDPOINTS: dict[str, tuple[Callable[[ClientConnection], None], dict[str, Any]]] = {
     "/api/v1/stream": (watch_json, {}),
     f"/foxglove?robot={ROBOT}": (watch_foxglove, {"subprotocols": ["foxglove.sdk.v1"]}),
     f"/rosbridge?robot={ROBOT}": (watch_rosbridge, {}),
@@ -116,7 +116,7 @@ def test_each_viewer_gets_its_rate_and_nobody_costs_nothing(shared_gateway: Stac
         wait_until(lambda: ROBOT in stack.online() and {TOPIC, OTHER} <= set(stack.topics(ROBOT)))
         check_nobody_costs_nothing(stack)
         check_two_rates(stack)
-        for path, (watch, options) in DOORS.items():
+        for path, (watch, options) in ENDPOINTS.items():
             check_nobody_costs_nothing(stack)
             with open_socket(stack.url, path, key=stack.key, **options) as socket:
                 watch(socket)

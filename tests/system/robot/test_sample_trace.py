@@ -13,10 +13,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from metaros.clock import SystemClock
-from tests.support.key_ring import bearer
-from tests.support.otlp_collector import Collector, running_collector
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.processes.stack import Stack
+from tests.support.servers.otlp_collector import Collector, running_collector
 from tests.support.waiting import wait_until
 
 CHAIN = ["bus", "tap", "outbox", "uplink", "link", "ingest", "fanout"]  # of a sample that is kept on the robot's disk

@@ -20,9 +20,9 @@ from websockets.sync.client import ClientConnection
 import metaros
 from metaros.idl import message_class
 from metaros.record import open_bag
-from tests.support.command_line import run_metaros
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket, records, subscribe
+from tests.support.gateways.viewer import open_socket, records, subscribe
+from tests.support.processes.command_line import run_metaros
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 TEXT, BATTERY = "std_msgs/msg/String", "sensor_msgs/msg/BatteryState"
@@ -155,9 +155,9 @@ def check_opened(sealed: Path, keyring: Path, *, secret: bytes, plain: bytes) ->
     """The key opens everything of an export, under both of its keys."""
     opened = sealed.with_name("opened.mcap")
     keys = ("-k", str(keyring), "--sealed", "**/secret", "-o", "json")
-    told = json.loads(run_metaros("seal", "open", str(sealed), str(opened), *keys))
+    reported = json.loads(run_metaros("seal", "open", str(sealed), str(opened), *keys))
     kept = payloads(sealed, "/r1/secret")
-    assert (told["opened"], told["refused"]) == (len(kept) + len(payloads(sealed, "/r1/battery")), [])
+    assert (reported["opened"], reported["refused"]) == (len(kept) + len(payloads(sealed, "/r1/battery")), [])
     assert len({payload[1:9] for payload in kept}) == 2  # sealed by both keys
     assert all(secret in payload for topic in HIDDEN for payload in payloads(opened, topic))
     assert all(plain in payload for payload in payloads(opened, "/r1/plain"))

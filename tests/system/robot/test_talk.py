@@ -16,9 +16,9 @@ import pytest
 from websockets.sync.client import ClientConnection
 
 from metaros.drivers.opus import OpusEncoder
-from tests.support.alsa import SPEAKER, Alsa, strongest_hz, tone
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket
+from tests.support.devices.alsa import SPEAKER, Alsa, strongest_hz, tone
+from tests.support.gateways.viewer import open_socket
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 RATE, FRAMES, HZ = 48000, 960, 880.0
@@ -89,7 +89,7 @@ def silent(alsa: Alsa, last_s: float = 0.3) -> bool:
 
 
 @pytest.mark.parametrize("codec", ["opus", "pcm-s16"])
-def test_what_is_said_is_heard(stack: Stack, alsa: Alsa, codec: str) -> None:
+def test_what_is_said_is_received(stack: Stack, alsa: Alsa, codec: str) -> None:
     before = len(alsa.played())
     with talker(stack, codec) as ann:
         granted = ann.hold("ann")
@@ -133,7 +133,7 @@ def test_killed_in_the_middle_of_a_word_is_silence(stack: Stack, alsa: Alsa, vic
     wait_until(lambda: "r1" in stack.online())
 
 
-def test_by_no_other_door(stack: Stack, alsa: Alsa) -> None:
+def test_by_no_other_endpoint(stack: Stack, alsa: Alsa) -> None:
     wait_until(lambda: silent(alsa))
     before = len(alsa.played())
     message = {"codec": "pcm-s16", "sample_rate": RATE, "channels": 1, "data": [16] * 4000}

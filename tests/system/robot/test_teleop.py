@@ -14,8 +14,8 @@ from websockets.sync.client import ClientConnection
 
 import metaros
 from metaros.interfaces.nav_msgs.msg import Odometry
-from tests.support.stack import Stack
-from tests.support.viewer import open_socket
+from tests.support.gateways.viewer import open_socket
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 MOVING, STILL = 0.1, 0.01

@@ -16,11 +16,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from metaros.cdr import codec
-from metaros.video_frames import is_key
-from tests.support.stack import Stack
-from tests.support.video import COMPRESSED_VIDEO
-from tests.support.video_source import VideoSource, video_source
-from tests.support.viewer import Record, open_socket, records, subscribe
+from metaros.link.video_frames import is_key
+from tests.support.devices.video import COMPRESSED_VIDEO
+from tests.support.devices.video_source import VideoSource, video_source
+from tests.support.gateways.viewer import Record, open_socket, records, subscribe
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 ROBOT, TOPIC = "filmed", "/filmed/camera/video"

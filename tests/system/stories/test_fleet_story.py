@@ -14,12 +14,12 @@ import httpx
 import pytest
 
 from gateway.domain.principal import Role
-from gateway.updates import offline
+from gateway.fleet.updates import offline
 from metaros.clock import SystemClock
+from tests.gateway.fleet.updates.repositories import passphrase
 from tests.gateway.harness import RING, client, running_gateway
-from tests.gateway.updates.repositories import passphrase
-from tests.support.bundles import make_bundle
-from tests.support.story_robot import MARK, Defects, StoryRobot
+from tests.support.deployment.bundles import make_bundle
+from tests.support.robots.scripted_robot import MARK, Defects, StoryRobot
 
 ADMIN = RING.add(role=Role.ADMIN, name="fleet admin")
 OPERATOR = RING.add(role=Role.OPERATOR, name="fleet operator")

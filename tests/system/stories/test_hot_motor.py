@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from mcap.writer import MCAP0_MAGIC
 
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
+from tests.support.servers.webhook import Webhook
 from tests.support.waiting import wait_until
-from tests.support.webhook import Webhook
 
 ROBOT = "sim_1"
 SERIES = "motor_temperature.temperature"
@@ -45,7 +45,7 @@ def hot(stack: Stack, wanted: str) -> dict[str, Any] | None:
 
 
 @pytest.mark.integration
-def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
+def test_a_motor_heats_up_and_somebody_is_reported_why(tmp_path: Path) -> None:
     with Webhook() as hook, Stack(tmp_path) as stack:
         routes = tmp_path / "notify.toml"
         routes.write_text(f'wait_s = 0\n[[webhook]]\nname = "ops"\nurl = "{hook.url}"\nprivate = true\n')
@@ -79,8 +79,8 @@ def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
         assert over["state"] == "resolved"
         assert over["acknowledged_by"] == over["resolved_by"] != ""
         assert "I am on my way" in [remark["text"] for remark in over["remarks"]]
-        told = {"metaros.alert.opened", "metaros.alert.acknowledged", "metaros.alert.resolved"}
-        wait_until(lambda: hook.kinds(alert["id"]) >= told, timeout_s=STEP_S)
+        reported = {"metaros.alert.opened", "metaros.alert.acknowledged", "metaros.alert.resolved"}
+        wait_until(lambda: hook.kinds(alert["id"]) >= reported, timeout_s=STEP_S)
 
 
 def learned(stack: Stack) -> int:

@@ -17,7 +17,7 @@ from typing import Any
 import boto3
 import pytest
 
-from tests.support.stack import Stack
+from tests.support.processes.stack import Stack
 from tests.support.waiting import wait_until
 
 ROBOT = "sim_1"
@@ -97,7 +97,7 @@ def drain(stack: Stack) -> None:
 
 
 def tell_the_bus(stack: Stack, function: str) -> None:
-    """What the function returns becomes a happening; said as everybody says it to AWS."""
+    """What the function returns becomes an event; said as everybody says it to AWS."""
     made = ask(stack, "POST", "/api/v1/keys", {"name": "story", "role": "admin", "scopes": ["lambda"]})
     key_id, secret = made["key"].removeprefix("mrk_").split("_")
     client = boto3.client(

@@ -1,6 +1,6 @@
 /** The form of a check: what was typed, whether it fits, and what of it is another than before. */
 
-import type { AlertCheck, CheckChange, Severity } from "../api/alerts";
+import type { AlertCheck, CheckChange, Severity } from "../../api/alerts";
 
 export interface CheckForm {
   enabled: boolean;

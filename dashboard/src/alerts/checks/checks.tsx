@@ -1,18 +1,18 @@
 /** The checks' table: what always is an alert, whatever was learned. An admin changes it. */
 
 import { useSignal } from "@preact/signals";
-import { Badge } from "../admin/badge";
-import { Choice } from "../admin/choice";
-import { TextField } from "../admin/fields";
-import { Modal, Refusal, useAttempt } from "../admin/modal";
-import { useAsked } from "../admin/use_list";
-import { alertsApi, type AlertCheck, type CheckChange, type Severity } from "../api/alerts";
-import { can } from "../api/session";
-import { duration } from "../ui/format";
-import { MayNot } from "../ui/parts";
-import { SeverityMark } from "./marks";
+import { Badge } from "../../admin/badge";
+import { SegmentedControl } from "../../admin/segmented_control";
+import { TextField } from "../../admin/fields";
+import { Modal, Refusal, useAttempt } from "../../admin/modal";
+import { useAsked } from "../../admin/use_list";
+import { alertsApi, type AlertCheck, type CheckChange, type Severity } from "../../api/alerts";
+import { can } from "../../api/session";
+import { duration } from "../../ui/format";
+import { MayNot } from "../../ui/parts";
+import { SeverityBadge } from "../badges";
 import { changeOf, formOf, isWrong, type CheckForm } from "./check_form";
-import { checkWords, SEVERITIES } from "./words";
+import { checkWords, SEVERITIES } from "../words";
 
 const EVERY_MS = 30_000;
 
@@ -53,7 +53,7 @@ function CheckRow({ one, onEdit }: { one: AlertCheck; onEdit: () => void }) {
       <td class="cell-name"><b>{one.title}</b> <code class="chip">{one.id}</code></td>
       <td data-label="Is an alert when">{checkWords(one)}</td>
       <td data-label="Is over">{one.clear_s > 0 ? `after ${duration(one.clear_s)}` : "at once"}</td>
-      <td data-label="Severity"><SeverityMark severity={one.severity} /></td>
+      <td data-label="Severity"><SeverityBadge severity={one.severity} /></td>
       <td data-label="State">
         <Badge tone={one.enabled ? "good" : "off"}>{one.enabled ? "on" : "off"}</Badge>
         {one.changed.length > 0 && <span class="sub">{one.changed.map(fieldWord).join(", ")} changed{one.changed_by && ` by ${one.changed_by}`}</span>}
@@ -97,7 +97,7 @@ function CheckDialog({ one, onClose, onDone }: { one: AlertCheck; onClose: () =>
             {number("For", "for_s", "seconds")}
             {number("Over after", "clear_s", "seconds")}
           </div>
-          <Choice label="Severity" choices={CHOICES} chosen={form.value.severity} onChoose={(severity) => set({ severity })} />
+          <SegmentedControl label="Severity" choices={CHOICES} chosen={form.value.severity} onChoose={(severity) => set({ severity })} />
           <Refusal text={problem.value} />
           <div class="dialog-end">
             <span>{one.changed.length > 0 && <button type="button" class="button" disabled={busy.value} onClick={() => finish(() => alertsApi.resetCheck(one.id), close)}>As it comes</button>}</span>

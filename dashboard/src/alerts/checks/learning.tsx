@@ -1,13 +1,13 @@
 /** What the gateway watches of a robot: how far each series is learned, how strange it is now, what is expected. */
 
-import { Refusal } from "../admin/modal";
-import { useAsked } from "../admin/use_list";
-import { alertsApi, type SeriesWatch } from "../api/alerts";
-import { robots } from "../live/fleet";
-import { Link } from "../ui/parts";
-import { place, robotHref, setParam } from "../ui/url";
-import { expectedText, unitOf } from "./units";
-import { isLearning, learningText, strangestFirst } from "./words";
+import { Refusal } from "../../admin/modal";
+import { useAsked } from "../../admin/use_list";
+import { alertsApi, type SeriesWatch } from "../../api/alerts";
+import { robots } from "../../live/fleet";
+import { Link } from "../../ui/parts";
+import { place, robotHref, setParam } from "../../ui/url";
+import { expectedText, unitOf } from "../units";
+import { isLearning, learningText, strangestFirst } from "../words";
 
 const EVERY_MS = 4000;
 const SHOWN = 300;

@@ -1,7 +1,7 @@
 /** For how long: an hour, a working day, or as many hours as one likes. */
 
 import { useSignal } from "@preact/signals";
-import { Choice } from "../admin/choice";
+import { SegmentedControl } from "../../admin/segmented_control";
 
 export const USUAL_LENGTH = 3600;
 const LENGTHS: readonly (readonly [number, string])[] = [[3600, "1 h"], [28_800, "8 h"], [86_400, "1 d"], [0, "other"]];
@@ -18,7 +18,7 @@ export function LengthField({ seconds, onChange }: { seconds: number; onChange: 
   };
   return (
     <div class="length-field">
-      <Choice
+      <SegmentedControl
         label="For"
         choices={LENGTHS}
         chosen={isOther.value ? 0 : seconds}

@@ -1,17 +1,17 @@
-/** Silences: what nobody is told of, until when, by whom and why; and the form that makes one. */
+/** Silences: what nobody is notified of, until when, by whom and why; and the form that makes one. */
 
 import { useSignal } from "@preact/signals";
-import { TextField } from "../admin/fields";
-import { Choice } from "../admin/choice";
-import { Confirm, Modal, Refusal, useAttempt, type Question } from "../admin/modal";
-import { alertsApi, type Severity, type Silence } from "../api/alerts";
-import { can } from "../api/session";
-import { now } from "../live/age";
-import { clockTime, dayText, duration } from "../ui/format";
-import { MayNot } from "../ui/parts";
+import { TextField } from "../../admin/fields";
+import { SegmentedControl } from "../../admin/segmented_control";
+import { Confirm, Modal, Refusal, useAttempt, type Question } from "../../admin/modal";
+import { alertsApi, type Severity, type Silence } from "../../api/alerts";
+import { can } from "../../api/session";
+import { now } from "../../live/age";
+import { clockTime, dayText, duration } from "../../ui/format";
+import { MayNot } from "../../ui/parts";
 import { LengthField, USUAL_LENGTH } from "./length_field";
-import { useAlerts } from "./use_alerts";
-import { silencedWords, UP_TO_WORDS } from "./words";
+import { useAlerts } from "../use_alerts";
+import { silencedWords, UP_TO_WORDS } from "../words";
 
 const EVERY_MS = 10_000;
 
@@ -97,7 +97,7 @@ function SilenceDialog({ onClose, onDone }: { onClose: () => void; onDone: () =>
         >
           <TextField label="Robots" hint="Names or patterns with *, between spaces: arm_1 sim_*. Empty means every robot, which admins may." placeholder="every robot" mono focus value={robots} onInput={(text) => set({ robots: text })} />
           <TextField label="Causes" hint="offline, silence, battery, heat…, or patterns. Empty means every cause." placeholder="every cause" mono value={causes} onInput={(text) => set({ causes: text })} />
-          <Choice label="Silences" choices={UP_TO} chosen={upTo} onChoose={(value) => set({ upTo: value })} />
+          <SegmentedControl label="Silences" choices={UP_TO} chosen={upTo} onChoose={(value) => set({ upTo: value })} />
           <LengthField seconds={forS} onChange={(value) => set({ forS: value })} />
           <TextField label="Why" most={500} value={reason} onInput={(text) => set({ reason: text })} />
           <Refusal text={problem.value} />

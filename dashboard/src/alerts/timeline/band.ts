@@ -1,8 +1,8 @@
 /** What was expected of a series around an alert: the band to shade, what is out of it, and how far a plot has to reach. */
 
-import type { Alert, BandPoint } from "../api/alerts";
-import type { Window } from "../history/span";
-import { beganMs, endedMs } from "./words";
+import type { Alert, BandPoint } from "../../api/alerts";
+import type { Window } from "../../history/span";
+import { beganMs, endedMs } from "../words";
 
 export interface Expected {
   stampMs: number;

@@ -2,19 +2,20 @@
 
 import { signal, useSignal, type Signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { alertsApi, type Alert, type BandPoint } from "../api/alerts";
-import { saidOf } from "../api/client";
-import { historyApi } from "../api/history";
-import type { Ranged } from "../api/history_types";
-import type { Window } from "../history/span";
-import type { Overlay } from "../panels/overlay";
-import { Plot, type Frame } from "../panels/plot";
-import { drawCursor } from "../panels/plot_cursor";
-import { HOLE_S, isBroken, Timeline } from "../panels/timeline";
+import { alertsApi, type Alert, type BandPoint } from "../../api/alerts";
+import { saidOf } from "../../api/client";
+import { historyApi } from "../../api/history";
+import type { Ranged } from "../../api/history_types";
+import type { Window } from "../../history/span";
+import type { Overlay } from "../../panels/plots/overlay";
+import type { Frame } from "../../panels/plots/frame";
+import { Plot } from "../../panels/plots/plot";
+import { drawCursor } from "../../panels/plots/plot_cursor";
+import { HOLE_S, isBroken, Timeline } from "../../panels/plots/timeline";
 import { AROUND, isOnAxis, ownBounds, reach, rememberedOf, usualAround, windowOf } from "./band";
 import { drawBand, drawMoment, drawOutside, drawScores, drawSpan } from "./draw";
-import { expectedText, unitOf, valueText } from "./units";
-import { beganMs, endedMs } from "./words";
+import { expectedText, unitOf, valueText } from "../units";
+import { beganMs, endedMs } from "../words";
 
 const POINTS = 600;
 const HEIGHT_PX = 230;

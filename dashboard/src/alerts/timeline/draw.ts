@@ -1,10 +1,10 @@
 /** Paints alerts on plots: when they were, the moment, the band that was expected, and how strange each sample was. */
 
 import type uPlot from "uplot";
-import type { Alert, Severity } from "../api/alerts";
-import type { Palette } from "../ui/theme";
+import type { Alert, Severity } from "../../api/alerts";
+import type { Palette } from "../../ui/theme";
 import type { Expected } from "./band";
-import { beganMs, endedMs } from "./words";
+import { beganMs, endedMs } from "../words";
 
 const HOLE_MS = 15_000;
 /** From this score on a sample is an alert. */

@@ -1,8 +1,8 @@
 /** The timeline's lanes: one for each robot, its alerts beside each other in time, and below each other where they overlap. */
 
-import type { Alert } from "../api/alerts";
-import type { Window } from "../history/span";
-import { beganMs, endedMs, isOver, worstOf } from "./words";
+import type { Alert } from "../../api/alerts";
+import type { Window } from "../../history/span";
+import { beganMs, endedMs, isOver, worstOf } from "../words";
 
 export interface Bar {
   alert: Alert;

@@ -1,8 +1,8 @@
 /** Alerts on the time bar: a tick for each along its top, and what it was beside the time under the pointer. */
 
-import type { Alert } from "../api/alerts";
-import { xOf, type Window } from "../history/span";
-import { beganMs, endedMs } from "./words";
+import type { Alert } from "../../api/alerts";
+import { xOf, type Window } from "../../history/span";
+import { beganMs, endedMs } from "../words";
 
 /** As near as this part of the window the pointer means an alert. */
 const NEAR = 1 / 150;

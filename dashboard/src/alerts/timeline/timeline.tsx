@@ -2,14 +2,14 @@
 
 import { useSignal, type Signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import type { Alert } from "../api/alerts";
-import { ticksOf, xOf, type Window } from "../history/span";
-import { clockTime, dayText, duration } from "../ui/format";
-import { Link } from "../ui/parts";
-import { robotHref } from "../ui/url";
+import type { Alert } from "../../api/alerts";
+import { ticksOf, xOf, type Window } from "../../history/span";
+import { clockTime, dayText, duration } from "../../ui/format";
+import { Link } from "../../ui/parts";
+import { robotHref } from "../../ui/url";
 import { lanesOf, type Bar, type Lane } from "./lanes";
-import { alertHref } from "./marks";
-import { beganMs, endedMs, isOver } from "./words";
+import { alertHref } from "../badges";
+import { beganMs, endedMs, isOver } from "../words";
 
 const LANES = 10;
 /** What ticks are spread for: the least width of the card on a desk. */

@@ -2,7 +2,7 @@
 
 import { parse } from "@foxglove/rosmsg";
 import { MessageReader } from "@foxglove/rosmsg2-serialization";
-import { Keyring, SealError } from "../seal/envelope";
+import { Keyring, SealError } from "../../seal/envelope";
 import { CloudReader } from "./cloud";
 import type { Answer, Order } from "./decoder";
 import { rawToRgba, type RawImage } from "./raw_image";

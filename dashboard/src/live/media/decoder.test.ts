@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
-import type { Channel } from "../api/types";
+import type { Channel } from "../../api/types";
 import { Decoder, type Answer, type Order } from "./decoder";
-import type { StreamRecord } from "./records";
+import type { StreamRecord } from "../records";
 
 class FakeWorker {
   onmessage: ((event: MessageEvent) => void) | null = null;

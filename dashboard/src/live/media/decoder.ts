@@ -6,11 +6,11 @@
  * them where messages build on each other: of a video that is behind nothing is worth showing but what comes next.
  */
 
-import type { Channel } from "../api/types";
-import { SEALED_CDR } from "../seal/encoding";
-import type { Origin } from "../seal/envelope";
+import type { Channel } from "../../api/types";
+import { SEALED_CDR } from "../../seal/encoding";
+import type { Origin } from "../../seal/envelope";
 import type { Cloud } from "./cloud";
-import type { StreamRecord } from "./records";
+import type { StreamRecord } from "../records";
 
 export type Message = Record<string, unknown>;
 
@@ -95,7 +95,7 @@ export class Decoder {
 
   /** Open sealed messages with this keyring's text from now on; the ids of its keys, or SealError. It stays in this page. */
   async unlock(text: string): Promise<string[]> {
-    const { Keyring } = await import("../seal/envelope"); // few pages ever open anything
+    const { Keyring } = await import("../../seal/envelope"); // few pages ever open anything
     const { ids } = await Keyring.parse(text);
     this.worker.postMessage({ kind: "keyring", text }, []);
     return ids;

@@ -2,20 +2,20 @@
 
 import { useSignal, useSignalEffect, type Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { Missing } from "../api/history_types";
-import type { Topic } from "../api/types";
-import type { Cloud } from "../live/cloud";
-import { useLive } from "../ui/context";
-import { relativeTopic } from "../ui/format";
-import { inNextFrame, onBeat, useWork } from "../ui/paint";
-import { Card } from "../ui/parts";
-import { palette } from "../ui/theme";
-import { useTopic } from "../ui/use_topic";
-import { useVisible } from "../ui/use_visible";
-import type { LazyCardProps } from "../views/lazy_cards";
+import type { Missing } from "../../api/history_types";
+import type { Topic } from "../../api/types";
+import type { Cloud } from "../../live/media/cloud";
+import { useLive } from "../../ui/context";
+import { relativeTopic } from "../../ui/format";
+import { inNextFrame, onBeat, useWork } from "../../ui/paint";
+import { Card } from "../../ui/parts";
+import { palette } from "../../ui/theme";
+import { useTopic } from "../../ui/use_topic";
+import { useVisible } from "../../ui/use_visible";
+import type { CardProps } from "../card_props";
 import { CloudPainter, type Colouring } from "./cloud_gl";
 import { CloudView } from "./cloud_view";
-import "../ui/cloud.css";
+import "../../styles/cloud.css";
 
 const QUANTIZED = "metaros_msgs/msg/QuantizedCloud";
 const COLOURINGS: Colouring[] = ["height", "intensity", "distance"];
@@ -23,7 +23,7 @@ const RATE_HZ = 10;
 const LOST = "The graphics card was taken away; the picture comes back by itself.";
 const NO_WEBGL = "This browser draws nothing in three dimensions: WebGL 2 is off or missing.";
 
-export function CloudCards({ robot, topics }: LazyCardProps) {
+export function CloudCards({ robot, topics }: CardProps) {
   const sorted = [...topics].sort((a, b) => Number(b.type === QUANTIZED) - Number(a.type === QUANTIZED));
   const chosen = useSignal("");
   const topic = sorted.find((one) => one.topic === chosen.value) ?? sorted[0]!;

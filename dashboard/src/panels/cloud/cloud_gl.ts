@@ -1,6 +1,6 @@
 /** Points and a grid by WebGL 2. Everything it keeps on the graphics card can be lost at any time, and is made again. */
 
-import type { Cloud } from "../live/cloud";
+import type { Cloud } from "../../live/media/cloud";
 import type { Matrix } from "./cloud_view";
 
 export type Colouring = "height" | "distance" | "intensity";

@@ -2,21 +2,21 @@
 
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useRef } from "preact/hooks";
-import type { Missing } from "../api/history_types";
-import type { Message } from "../live/decoder";
-import { useCanvas } from "../ui/canvas";
-import { useLive } from "../ui/context";
-import { fixed } from "../ui/format";
-import { Card } from "../ui/parts";
-import { palette } from "../ui/theme";
-import { useTopic } from "../ui/use_topic";
-import { lazy } from "../views/lazy";
+import type { Missing } from "../../api/history_types";
+import type { Message } from "../../live/media/decoder";
+import { useCanvas } from "../../ui/canvas";
+import { useLive } from "../../ui/context";
+import { fixed } from "../../ui/format";
+import { Card } from "../../ui/parts";
+import { palette } from "../../ui/theme";
+import { useTopic } from "../../ui/use_topic";
+import { lazy } from "../../views/lazy";
 import { drawMap } from "./map_draw";
 import { MapModel, yawOf, type Pose, type Scan } from "./map_model";
 import { MapView } from "./map_view";
-import { FADE_EVERY_M, WallTiles } from "./wall_tiles";
+import { FADE_EVERY_M, WallTiles } from "../wall_tiles";
 
-const Trail = lazy(async () => (await import("../history/trail")).Trail, null);
+const Trail = lazy(async () => (await import("../../history/trail")).Trail, null);
 
 /** Enough to hold a burst of a replay; what is older than that is not needed. */
 const DEPTH = 64;

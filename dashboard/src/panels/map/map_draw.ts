@@ -1,8 +1,8 @@
 /** Paints the map card: grid, walls seen so far, the live scan, the trail, the robot, a scale bar. */
 
-import type { Palette } from "../ui/theme";
+import type { Palette } from "../../ui/theme";
 import type { MapModel, Pose } from "./map_model";
-import type { View, WallTiles } from "./wall_tiles";
+import type { View, WallTiles } from "../wall_tiles";
 
 interface Frame {
   context: CanvasRenderingContext2D;

@@ -1,6 +1,6 @@
 /** Where the map looks: pan, zoom, pinch and follow, from pointer and wheel events. */
 
-import type { View } from "./wall_tiles";
+import type { View } from "../wall_tiles";
 
 export const MIN_SCALE = 2;
 export const MAX_SCALE = 400;

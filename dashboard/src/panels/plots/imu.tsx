@@ -2,8 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { Card } from "../ui/parts";
-import { useTopic } from "../ui/use_topic";
+import { Card } from "../../ui/parts";
+import { useTopic } from "../../ui/use_topic";
 import { Plot } from "./plot";
 import { Timeline } from "./timeline";
 

@@ -2,10 +2,10 @@
 
 import { signal, type Signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
-import { api } from "../api/client";
-import type { Span } from "../api/history_types";
-import { useLive } from "../ui/context";
-import { Card } from "../ui/parts";
+import { api } from "../../api/client";
+import type { Span } from "../../api/history_types";
+import { useLive } from "../../ui/context";
+import { Card } from "../../ui/parts";
 import { plotsOf, type PlotSpec } from "./plot_table";
 import { Plot } from "./plot";
 import { Timeline } from "./timeline";

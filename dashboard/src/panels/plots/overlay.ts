@@ -3,9 +3,9 @@
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import type uPlot from "uplot";
-import type { Alert } from "../api/schema.js";
-import type { Window } from "../history/span";
-import type { Palette } from "../ui/theme";
+import type { Alert } from "../../api/schema.js";
+import type { Window } from "../../history/span";
+import type { Palette } from "../../ui/theme";
 
 export interface Overlay {
   /** Behind the lines. */

@@ -2,16 +2,17 @@
 
 import { signal, useComputed, useSignal, useSignalEffect, type Signal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { historyApi } from "../api/history";
-import type { Ranged, Span } from "../api/history_types";
-import { now } from "../live/age";
-import { Latest } from "../history/latest";
-import { moving } from "../history/moment";
-import { frameAround } from "../history/span";
-import { useLive } from "../ui/context";
-import { Card } from "../ui/parts";
+import { historyApi } from "../../api/history";
+import type { Ranged, Span } from "../../api/history_types";
+import { now } from "../../live/age";
+import { Latest } from "../../history/latest";
+import { moving } from "../../history/moment";
+import { frameAround } from "../../history/span";
+import { useLive } from "../../ui/context";
+import { Card } from "../../ui/parts";
 import { PAST_PLOTS, plotsOf, type PlotSpec } from "./plot_table";
-import { Plot, type Frame } from "./plot";
+import type { Frame } from "./frame";
+import { Plot } from "./plot";
 import { drawCursor } from "./plot_cursor";
 import { HOLE_S, isBroken, Timeline } from "./timeline";
 
@@ -100,10 +101,10 @@ export function PastPlots({ robot, names, windowS }: { robot: string; names: str
     if (!has || shown.startMs < has.startMs || shown.endMs > has.endMs) return null;
     return { ...shown, cursorMs: tMs, holes: holesOf(has.ranged) };
   });
-  // A frame that is not loaded yet leaves the last one standing, so that a drag does not flicker.
-  const standing = useSignal<Frame | null>(null);
+  // A frame that is not loaded yet keeps the last one, so that a drag does not flicker.
+  const shownFrame = useSignal<Frame | null>(null);
   useSignalEffect(() => {
-    if (frame.value) standing.value = frame.value;
+    if (frame.value) shownFrame.value = frame.value;
   });
 
   return (
@@ -119,7 +120,7 @@ export function PastPlots({ robot, names, windowS }: { robot: string; names: str
             bounds={track.spec.bounds}
             windowS={windowS}
             version={track.version}
-            frame={standing}
+            frame={shownFrame}
             cursor={drawCursor}
           />
         </Card>

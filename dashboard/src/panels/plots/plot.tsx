@@ -3,24 +3,17 @@
 import { useSignalEffect, type Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type uPlot from "uplot";
-import { clockTime, fixed, short } from "../ui/format";
-import type { Span } from "../api/history_types";
-import { hatched } from "../ui/hatch";
-import { inNextFrame, onBeat, useWork } from "../ui/paint";
-import { palette, type Palette } from "../ui/theme";
+import { clockTime, fixed, short } from "../../ui/format";
+import type { Span } from "../../api/history_types";
+import { hatched } from "../../ui/hatch";
+import { inNextFrame, onBeat, useWork } from "../../ui/paint";
+import { palette, type Palette } from "../../ui/theme";
+import type { Frame } from "./frame";
 import { everywhere, type Overlay } from "./overlay";
 import type { drawCursor } from "./plot_cursor";
 import type { Timeline } from "./timeline";
 
 const UNSEEN_MS = 1000;
-
-/** What a plot of the past shows: a span, the instant in it, and where data is known to be lost. */
-export interface Frame {
-  startMs: number;
-  endMs: number;
-  cursorMs: number;
-  holes: Span[];
-}
 
 export interface PlotProps {
   timelines: Timeline[];

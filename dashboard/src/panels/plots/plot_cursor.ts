@@ -1,8 +1,8 @@
 /** The line at the instant that a plot of the past shows. */
 
 import type uPlot from "uplot";
-import type { Palette } from "../ui/theme";
-import type { Frame } from "./plot";
+import type { Palette } from "../../ui/theme";
+import type { Frame } from "./frame";
 
 export function drawCursor(plot: uPlot, { cursorMs }: Frame, colours: Palette): void {
   const { top, height } = plot.bbox;

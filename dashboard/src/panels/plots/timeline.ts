@@ -1,6 +1,6 @@
 /** Points of one line in time: history from the store, then live values, within a window that moves. */
 
-import type { Span } from "../api/history_types";
+import type { Span } from "../../api/history_types";
 
 export const POINTS_KEPT = 4000;
 /** A hole of this length is drawn as a hole. */

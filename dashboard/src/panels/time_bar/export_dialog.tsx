@@ -2,8 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import type { RefObject } from "preact";
-import { exportHref } from "../api/recordings";
-import { robots } from "../live/fleet";
+import { exportHref } from "../../api/recordings";
+import { robots } from "../../live/fleet";
 
 const SPANS_S: [string, number][] = [["1 min", 60], ["15 min", 900], ["1 h", 3600], ["1 day", 86_400]];
 

@@ -1,10 +1,10 @@
 /** The losses a robot declared, newest first, with the reason in words. */
 
-import type { Gap, Robot } from "../api/types";
-import { ageText, now } from "../live/age";
-import { integer, relativeTopic } from "../ui/format";
-import { Card } from "../ui/parts";
-import { reasonWords } from "../ui/reasons";
+import type { Gap, Robot } from "../../api/types";
+import { ageText, now } from "../../live/age";
+import { integer, relativeTopic } from "../../ui/format";
+import { Card } from "../../ui/parts";
+import { reasonWords } from "../../ui/reasons";
 
 export function GapsCard({ robot, gaps }: { robot: Robot; gaps: Gap[] | null }) {
   const { lost } = robot.counts;

@@ -2,13 +2,13 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Recording, RecordingState } from "../api/history_types";
-import { rfc3339 } from "../api/history";
-import { can } from "../api/session";
-import { recordingsApi } from "../api/recordings";
-import { bytes, clockTime, dayText, duration, integer } from "../ui/format";
-import { Link } from "../ui/parts";
-import { robotHref } from "../ui/url";
+import type { Recording, RecordingState } from "../../api/history_types";
+import { rfc3339 } from "../../api/history";
+import { can } from "../../api/session";
+import { recordingsApi } from "../../api/recordings";
+import { bytes, clockTime, dayText, duration, integer } from "../../ui/format";
+import { Link } from "../../ui/parts";
+import { robotHref } from "../../ui/url";
 
 const WORDS: Record<RecordingState, string> = {
   requested: "asked for",

@@ -2,9 +2,9 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { saidOf } from "../api/client";
-import { recordingsApi } from "../api/recordings";
-import { Link } from "../ui/parts";
+import { saidOf } from "../../api/client";
+import { recordingsApi } from "../../api/recordings";
+import { Link } from "../../ui/parts";
 
 export const SAVED_S = 60;
 const SAID_MS = 8000;

@@ -2,15 +2,15 @@
 
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { Density, Recording } from "../api/history_types";
-import { setMoment } from "../history/moment";
-import { pause, play, playing } from "../history/player";
-import { msOf, xOf, type Window } from "../history/span";
-import { useCanvas } from "../ui/canvas";
-import { clockTime, dayText, integer } from "../ui/format";
-import { reasonWords } from "../ui/reasons";
-import { palette } from "../ui/theme";
-import { marks } from "./overlay";
+import type { Density, Recording } from "../../api/history_types";
+import { setMoment } from "../../history/moment";
+import { pause, play, playing } from "../../history/player";
+import { msOf, xOf, type Window } from "../../history/span";
+import { useCanvas } from "../../ui/canvas";
+import { clockTime, dayText, integer } from "../../ui/format";
+import { reasonWords } from "../../ui/reasons";
+import { palette } from "../../ui/theme";
+import { marks } from "../plots/overlay";
 import { drawStrip } from "./strip_draw";
 
 export interface StripProps {

@@ -1,11 +1,11 @@
 /** Paints the time bar's strip: density, losses, spells without a link, recordings and ticks. */
 
-import type { Density, Recording } from "../api/history_types";
-import { ticksOf, xOf, type Window } from "../history/span";
-import type { Surface } from "../ui/canvas";
-import { clockTime, dayText } from "../ui/format";
-import { hatched } from "../ui/hatch";
-import type { Palette } from "../ui/theme";
+import type { Density, Recording } from "../../api/history_types";
+import { ticksOf, xOf, type Window } from "../../history/span";
+import type { Surface } from "../../ui/canvas";
+import { clockTime, dayText } from "../../ui/format";
+import { hatched } from "../../ui/hatch";
+import type { Palette } from "../../ui/theme";
 
 export const TICKS_PX = 17;
 const MARKS_PX = 8;

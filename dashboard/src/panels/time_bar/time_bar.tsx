@@ -2,16 +2,16 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { can } from "../api/session";
-import type { Recording } from "../api/history_types";
-import { ageText, now } from "../live/age";
-import { useDensity, useRecordings, useStored } from "../history/density";
-import { moment, setMoment } from "../history/moment";
-import { pause, play, playing, speed, SPEEDS } from "../history/player";
-import { SPANS, USUAL_SPAN, windowFor, type Window } from "../history/span";
-import { clockTime, dayText, zoneName } from "../ui/format";
-import { place, setParam } from "../ui/url";
-import { useWindowKey } from "../ui/use_window_key";
+import { can } from "../../api/session";
+import type { Recording } from "../../api/history_types";
+import { ageText, now } from "../../live/age";
+import { useDensity, useRecordings, useStored } from "../../history/density";
+import { moment, setMoment } from "../../history/moment";
+import { pause, play, playing, speed, SPEEDS } from "../../history/player";
+import { SPANS, USUAL_SPAN, windowFor, type Window } from "../../history/span";
+import { clockTime, dayText, zoneName } from "../../ui/format";
+import { place, setParam } from "../../ui/url";
+import { useWindowKey } from "../../ui/use_window_key";
 import { SaveButton } from "./save_button";
 import { StripView } from "./strip";
 

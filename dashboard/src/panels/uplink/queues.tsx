@@ -1,9 +1,9 @@
 /** What waits on the robot, class by class, against its quota; and how the back-fill goes. */
 
-import type { ClassDepth, Robot } from "../api/types";
-import type { Drained } from "../live/drain";
-import { bytes, bytesPerSecond, duration, integer, NONE } from "../ui/format";
-import { Card } from "../ui/parts";
+import type { ClassDepth, Robot } from "../../api/types";
+import type { Drained } from "../../live/drain";
+import { bytes, bytesPerSecond, duration, integer, NONE } from "../../ui/format";
+import { Card } from "../../ui/parts";
 
 const WORDS: Record<ClassDepth["name"], string> = {
   event: "faults, logs, results: all others yield to them",

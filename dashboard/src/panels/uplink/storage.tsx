@@ -1,11 +1,11 @@
 /** How much the store holds, of what, and for how long it will do; and what of it is damaged. */
 
-import type { StoreView } from "../api/history_types";
-import { recordingsApi } from "../api/recordings";
-import { usePolled } from "../history/density";
-import { ageText, now } from "../live/age";
-import { bytes, duration, integer, NONE } from "../ui/format";
-import { Card } from "../ui/parts";
+import type { StoreView } from "../../api/history_types";
+import { recordingsApi } from "../../api/recordings";
+import { usePolled } from "../../history/density";
+import { ageText, now } from "../../live/age";
+import { bytes, duration, integer, NONE } from "../../ui/format";
+import { Card } from "../../ui/parts";
 
 const EVERY_MS = 15_000;
 const DAY_S = 86_400;

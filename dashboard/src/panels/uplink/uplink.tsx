@@ -2,12 +2,12 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { ApiError } from "../api/client";
-import { robotApi } from "../api/robot";
-import { can } from "../api/session";
-import type { Robot } from "../api/types";
-import { bytesPerSecond } from "../ui/format";
-import { Card, MayNot } from "../ui/parts";
+import { ApiError } from "../../api/client";
+import { robotApi } from "../../api/robot";
+import { can } from "../../api/session";
+import type { Robot } from "../../api/types";
+import { bytesPerSecond } from "../../ui/format";
+import { Card, MayNot } from "../../ui/parts";
 import { STEPS, stepOf } from "./uplink_steps";
 
 const said = (bytesPerS: number | null) => (bytesPerS === null ? "No limit" : bytesPerSecond(bytesPerS));

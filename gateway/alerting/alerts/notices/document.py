@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import orjson
 
-from gateway.alerts.links import alert_path, moment
-from gateway.alerts.notices.route import Mailbox, Route
+from gateway.alerting.alerts.links import alert_path, moment
+from gateway.alerting.alerts.notices.route import Mailbox, Route
 from gateway.domain.alert import Alert
 
 __all__ = ["Notice", "Stage", "cloud_event", "event_bytes", "mail_bytes", "test_event"]

@@ -9,8 +9,8 @@ import asyncio
 import base64
 import ssl
 
-from gateway.alerts.notices.route import PRIVATE_HINT, Mailbox
-from gateway.outbound.reach import address_of
+from gateway.alerting.alerts.notices.route import PRIVATE_HINT, Mailbox
+from gateway.automation.outbound.reach import address_of
 
 __all__ = ["MailError", "send"]
 
@@ -42,14 +42,14 @@ async def send(mailbox: Mailbox, mail: bytes) -> int:
         server_hostname=mailbox.host if wrapped else None,
         limit=LINE_BYTES,
     )
-    talk = Talk(reader, writer)
+    talk = SmtpSession(reader, writer)
     try:
         await talk.expect(220)
         offers = await talk.greet()
         if mailbox.tls == "starttls":
             if "STARTTLS" not in offers:
                 raise MailError("the server does not offer STARTTLS")
-            await talk.say("STARTTLS", 220)
+            await talk.command("STARTTLS", 220)
             await talk.secure(_context(mailbox), mailbox.host)
             offers = await talk.greet()
         if mailbox.user:
@@ -59,8 +59,8 @@ async def send(mailbox: Mailbox, mail: bytes) -> int:
         talk.abort()
 
 
-class Talk:
-    """One connection: commands out, replies in."""
+class SmtpSession:
+    """One SMTP connection: commands out, replies in."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -82,7 +82,7 @@ class Talk:
                 return status, lines
         raise MailError("the server says too much")
 
-    async def say(self, line: str, *wanted: int) -> tuple[int, list[str]]:
+    async def command(self, line: str, *wanted: int) -> tuple[int, list[str]]:
         """A command, and the reply to it."""
         await self.write(line.encode() + b"\r\n")
         return await self.expect(*wanted)
@@ -94,7 +94,7 @@ class Talk:
 
     async def greet(self) -> dict[str, list[str]]:
         """What the server offers: the words behind each keyword."""
-        _, lines = await self.say("EHLO metaros.invalid", 250)
+        _, lines = await self.command("EHLO metaros.invalid", 250)
         words = [line.upper().split() for line in lines[1:]]
         return {item[0]: item[1:] for item in words if item}
 
@@ -114,30 +114,30 @@ class Talk:
         self._writer.transport.abort()
 
 
-async def _sign_in(talk: Talk, mailbox: Mailbox, offers: dict[str, list[str]]) -> None:
+async def _sign_in(talk: SmtpSession, mailbox: Mailbox, offers: dict[str, list[str]]) -> None:
     ways = offers.get("AUTH", [])
     user, password = mailbox.user.encode(), mailbox.password.encode()
     if "PLAIN" in ways:
-        await talk.say(f"AUTH PLAIN {_base64(bytes(1) + user + bytes(1) + password)}", 235)
+        await talk.command(f"AUTH PLAIN {_base64(bytes(1) + user + bytes(1) + password)}", 235)
     elif "LOGIN" in ways:
-        await talk.say("AUTH LOGIN", 334)
-        await talk.say(_base64(user), 334)
-        await talk.say(_base64(password), 235)
+        await talk.command("AUTH LOGIN", 334)
+        await talk.command(_base64(user), 334)
+        await talk.command(_base64(password), 235)
     else:
         raise MailError("the server offers neither AUTH PLAIN nor AUTH LOGIN")
 
 
-async def _hand_in(talk: Talk, mailbox: Mailbox, mail: bytes) -> int:
-    await talk.say(f"MAIL FROM:<{mailbox.sender}>", 250)
+async def _hand_in(talk: SmtpSession, mailbox: Mailbox, mail: bytes) -> int:
+    await talk.command(f"MAIL FROM:<{mailbox.sender}>", 250)
     refused: list[MailError] = []
     for recipient in mailbox.to:
         try:
-            await talk.say(f"RCPT TO:<{recipient}>", 250, 251)
+            await talk.command(f"RCPT TO:<{recipient}>", 250, 251)
         except MailError as error:
             refused.append(error)
     if len(refused) == len(mailbox.to):
         raise refused[0]
-    await talk.say("DATA", 354)
+    await talk.command("DATA", 354)
     lines = mail.removesuffix(b"\r\n").split(b"\r\n")
     await talk.write(b"".join(b"." * line.startswith(b".") + line + b"\r\n" for line in lines) + b".\r\n")
     status, _ = await talk.expect(250)

@@ -1,23 +1,23 @@
-"""When a route is told what of an alert: what it was told last against what the alert is now. Pure."""
+"""Which notice of an alert a route gets next, and when: the last one sent against the alert as it is now. Pure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.alerts.notices.document import Stage
-from gateway.alerts.notices.route import Route
+from gateway.alerting.alerts.notices.document import Stage
+from gateway.alerting.alerts.notices.route import Route
 from gateway.domain.alert import Alert, rank
 from gateway.domain.finding import FindingSeverity
 
-__all__ = ["NEVER", "Told", "next_stage"]
+__all__ = ["NEVER", "LastNotice", "next_stage"]
 
 S = 10**9
 NEVER = 1 << 63
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """What a route was told of an alert last."""
+class LastNotice:
+    """The last notice of an alert that a route got."""
 
     alert: str
     route: str
@@ -27,7 +27,7 @@ class Told:
     told_ns: int
 
 
-def next_stage(alert: Alert, told: Told | None, route: Route) -> tuple[Stage, int]:
+def next_stage(alert: Alert, told: LastNotice | None, route: Route) -> tuple[Stage, int]:
     """What the route is told next, and when it is time for that; NEVER as things are now.
 
     An alert is told when it is `wait_s` old, so that one which is explained by another is not; at once when it gets

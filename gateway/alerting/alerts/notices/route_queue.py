@@ -1,24 +1,24 @@
-"""One route at work: which notices are due, which failed and are tried again, and how it goes. Pure."""
+"""The queue of one route: which notices are due, which failed and are tried again, and its counters. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from gateway.alerts.notices.document import Notice, Stage
-from gateway.alerts.notices.plan import Told, next_stage
-from gateway.alerts.notices.route import Delivery, Route, RouteState
+from gateway.alerting.alerts.notices.document import Notice, Stage
+from gateway.alerting.alerts.notices.plan import LastNotice, next_stage
+from gateway.alerting.alerts.notices.route import Delivery, Route, RouteState
 from gateway.domain.alert import Alert
 from metaros.limits import Limits
 
-__all__ = ["Line"]
+__all__ = ["RouteQueue"]
 
 S = 10**9
 BACK_OFF_S = 1.0
 LONGEST_S = 300.0
 
 
-class Line:
+class RouteQueue:
     """What `due` names is sent by the caller, who says with `sent` or `failed` how that went."""
 
     def __init__(self, route: Route, *, limits: Limits) -> None:
@@ -31,19 +31,19 @@ class Line:
             robots=route.robots,
             causes=route.causes,
         )
-        self.unkept: dict[str, Told] = {}  # what the store does not know yet
+        self.unkept: dict[str, LastNotice] = {}  # what the store does not know yet
         self._limits = limits
-        self._told: dict[str, Told] = {}
+        self._reported: dict[str, LastNotice] = {}
         self._next: dict[str, tuple[int, int]] = {}  # of an alert: at which revision it was looked at, when it is due
         self._owed: dict[str, tuple[Alert, int]] = {}  # what could not be told, and since when
         self._failures = 0
         self._not_before_s = 0.0
 
-    def know(self, told: Iterable[Told], alerts: Iterable[Alert], now_ns: int) -> None:
+    def restore(self, told: Iterable[LastNotice], alerts: Iterable[Alert], now_ns: int) -> None:
         """What the store says was told; the alerts are those that were over before that was told."""
-        self._told = {item.alert: item for item in told}
+        self._reported = {item.alert: item for item in told}
         self._next.clear()
-        open_ones = {item.alert for item in self._told.values() if item.stage != "resolved"}
+        open_ones = {item.alert for item in self._reported.values() if item.stage != "resolved"}
         self._owed = {alert.id: (alert, now_ns) for alert in alerts if alert.id in open_ones}
 
     def due(self, alerts: Sequence[Alert], now_ns: int, now_s: float) -> list[Notice]:
@@ -93,11 +93,11 @@ class Line:
         if alert.id in self._owed:
             self._owed[alert.id] = (alert, self._owed[alert.id][1])
         if due_ns <= now_ns:
-            told = self._told.get(alert.id)
+            told = self._reported.get(alert.id)
             found[alert.id] = Notice(alert, stage, told.told_ns if told is not None else 0)
 
     def _stage_of(self, alert: Alert) -> tuple[Stage, int]:
-        told = self._told.get(alert.id)
+        told = self._reported.get(alert.id)
         if told is None and alert.id in self._owed:
             return "opened", 0  # it is to be told also when it is over by now
         return next_stage(alert, told, self.route)
@@ -105,7 +105,7 @@ class Line:
     def _settle(self, notices: Sequence[Notice], now_ns: int) -> None:
         for notice in notices:
             alert = notice.alert
-            told = Told(
+            told = LastNotice(
                 alert=alert.id,
                 route=self.route.name,
                 stage=notice.stage,
@@ -113,14 +113,14 @@ class Line:
                 times=alert.times,
                 told_ns=now_ns,
             )
-            self._told[alert.id] = self.unkept[alert.id] = told
+            self._reported[alert.id] = self.unkept[alert.id] = told
             self._next.pop(alert.id, None)
             if notice.stage == "resolved" or alert.unresolved:  # else that it is over is to be told, too
                 self._owed.pop(alert.id, None)
 
     def _forget(self, alerts: Sequence[Alert]) -> None:
         """What is over for good needs no memory; now and then, as it takes a look at all."""
-        if len(self._next) + len(self._told) > 3 * len(alerts) + 1000:
+        if len(self._next) + len(self._reported) > 3 * len(alerts) + 1000:
             known = {alert.id for alert in alerts} | self._owed.keys()
             self._next = {key: item for key, item in self._next.items() if key in known}
-            self._told = {key: item for key, item in self._told.items() if key in known}
+            self._reported = {key: item for key, item in self._reported.items() if key in known}

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from gateway.alerts.notices.route import Mailbox, Route
+from gateway.alerting.alerts.notices.route import Mailbox, Route
+from gateway.automation.outbound.webhook import Webhook, signing_key
 from gateway.domain.finding import SEVERITIES
-from gateway.outbound.webhook import Webhook, signing_key
-from gateway.private_dir import others_can_read
+from gateway.store.private_dir import others_can_read
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 

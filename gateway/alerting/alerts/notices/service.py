@@ -1,6 +1,6 @@
-"""Notices as the gateway runs them: every route by itself, compared with what it was told before.
+"""The service that sends notices: a queue and a task for each route, compared with what the route got before.
 
-What was told is in the store, so that a restart tells nothing twice (but for what was under way) and forgets nothing;
+What was sent is in the store, so that a restart sends nothing twice (but for what was under way) and forgets nothing;
 of several gateways on one store one at a time sends. All methods on the event loop.
 """
 
@@ -14,21 +14,21 @@ from typing import Any, TypeVar
 
 import h11
 
-from gateway.alerts.desk import AlertDesk
-from gateway.alerts.errors import UnknownRouteError
-from gateway.alerts.keeper import Database
-from gateway.alerts.notices.document import Notice, cloud_event, event_bytes, mail_bytes, test_event
-from gateway.alerts.notices.line import Line
-from gateway.alerts.notices.mail import MailError, send
-from gateway.alerts.notices.plan import Told
-from gateway.alerts.notices.route import PRIVATE_HINT, Delivery, Route, RouteState
+from gateway.alerting.alerts.errors import UnknownRouteError
+from gateway.alerting.alerts.manager import AlertManager
+from gateway.alerting.alerts.notices.document import Notice, cloud_event, event_bytes, mail_bytes, test_event
+from gateway.alerting.alerts.notices.mail import MailError, send
+from gateway.alerting.alerts.notices.plan import LastNotice
+from gateway.alerting.alerts.notices.route import PRIVATE_HINT, Delivery, Route, RouteState
+from gateway.alerting.alerts.notices.route_queue import RouteQueue
+from gateway.alerting.alerts.store_sync import Database
+from gateway.automation.outbound.webhook import Webhook, post
 from gateway.domain.alert import Alert
 from gateway.errors import StoreError
-from gateway.outbound.webhook import Webhook, post
-from gateway.store.alert_notices import keep_told, told_rows
-from gateway.store.alerts import read_alerts
+from gateway.store.alerting.alerts import read_alerts
+from gateway.store.alerting.notices import keep_told, told_rows
 from gateway.store.engine import StoreEngine
-from gateway.store.updates import take_duty
+from gateway.store.fleet.updates import take_duty
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
@@ -44,96 +44,96 @@ DUTY_EVERY_S = 5.0
 
 
 class Notices:
-    """Who is told of alerts, and how that goes."""
+    """Sends notices of alerts to all routes."""
 
     def __init__(
         self,
-        desk: AlertDesk,
+        manager: AlertManager,
         database: Database,
         *,
         routes: Sequence[Route] = (),
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
-        self._desk = desk
+        self._manager = manager
         self._database = database
         self._clock = clock
         self._limits = limits
-        self._lines = {route.name: Line(route, limits=limits) for route in routes}
-        self._on_duty = False
+        self._queues = {route.name: RouteQueue(route, limits=limits) for route in routes}
+        self._leading = False
 
     async def start(self) -> None:
-        """Know what was told before, if it is this gateway's turn. Raises StoreError."""
-        if self._lines:
-            await self.take_turn()
+        """Read what was sent before, if this gateway is the one that sends. Raises StoreError."""
+        if self._queues:
+            await self.take_leadership()
 
     async def run(self) -> None:
         """Until cancelled; without routes there is nothing to do."""
         async with asyncio.TaskGroup() as tasks:
-            for line in self._lines.values():
-                tasks.create_task(self._tell_all(line))
-            if self._lines:
-                tasks.create_task(self._take_turns())
+            for queue in self._queues.values():
+                tasks.create_task(self._send_loop(queue))
+            if self._queues:
+                tasks.create_task(self._keep_leadership())
 
     async def close(self) -> None:
         """Keep what was told last, if the store takes it, and let another gateway go on."""
-        for line in self._lines.values():
+        for queue in self._queues.values():
             try:
-                await self._keep(line)
+                await self._keep(queue)
             except StoreError as error:
-                log.warning("what route %s was told last is not kept: %s", line.route.name, error)
+                log.warning("what route %s was told last is not kept: %s", queue.route.name, error)
 
     def routes(self) -> list[RouteState]:
         """Where notices go, and what became of them since the gateway began."""
-        return [line.state for line in self._lines.values()]
+        return [queue.state for queue in self._queues.values()]
 
     async def test(self, name: str, *, by: str) -> Delivery:
         """Send a notice that says that it is a test; UnknownRouteError."""
-        line = self._lines.get(name)
-        if line is None:
+        queue = self._queues.get(name)
+        if queue is None:
             raise UnknownRouteError(f"there is no route {name[:64]!r}; the file of --notify names them")
-        now_ns, to = self._clock.wall_ns(), line.route.to
+        now_ns, to = self._clock.wall_ns(), queue.route.to
         if isinstance(to, Webhook):
-            document = test_event(line.route, by=by, now_ns=now_ns, gateway=self._database.gateway_id)
+            document = test_event(queue.route, by=by, now_ns=now_ns, gateway=self._database.gateway_id)
             return await self._post(to, document, now_ns)
         words = f"This is a test by {by}: nothing is wrong. Alerts of route {name} come to you."
         mail = mail_bytes(to, (), now_ns=now_ns, test=words)
         return await self._deliver(lambda: send(to, mail))
 
-    async def take_turn(self) -> bool:
-        """Whether it is this gateway's turn to send; when it becomes so, know what was told. Raises StoreError."""
+    async def take_leadership(self) -> bool:
+        """Whether this gateway is the one that sends; when it becomes so, read what was sent. Raises StoreError."""
         now_ns = self._clock.wall_ns()
-        before, self._on_duty = self._on_duty, False
+        before, self._leading = self._leading, False
         holder, for_ns = self._database.gateway_id, round(DUTY_S * 1e9)
         mine = not self._database.shared or await self._database.run(
             lambda engine: take_duty(engine, DUTY, holder, now_ns=now_ns, for_ns=for_ns)
         )
         if mine and not before:
             await self._know(now_ns)
-        self._on_duty = mine
+        self._leading = mine
         return mine
 
-    async def tell(self, name: str) -> None:
-        """Tell one route what is due. Raises StoreError where what it was told cannot be kept: it is, the next time."""
-        line = self._lines[name]
-        await self._keep(line)
-        if not self._on_duty:
+    async def send_due(self, name: str) -> None:
+        """Send one route what is due. Raises StoreError where that cannot be stored: it is, the next time."""
+        queue = self._queues[name]
+        await self._keep(queue)
+        if not self._leading:
             return
-        due = line.due(list(self._desk.known()), self._clock.wall_ns(), self._clock.monotonic_s())
-        most = 1 if isinstance(line.route.to, Webhook) else self._limits.notice_alerts
+        due = queue.due(list(self._manager.known()), self._clock.wall_ns(), self._clock.monotonic_s())
+        most = 1 if isinstance(queue.route.to, Webhook) else self._limits.notice_alerts
         for first in range(0, len(due), most):
             some = due[first : first + most]
-            done = await self._send(line.route, some)
+            done = await self._send(queue.route, some)
             now_ns = self._clock.wall_ns()
             if not done.ok:
-                if done.error != line.state.last_error:
+                if done.error != queue.state.last_error:
                     log.warning("notices do not reach route %s: %s", name, done.error)
-                if given_up := line.failed(some, done, now_ns, self._clock.monotonic_s()):
+                if given_up := queue.failed(some, done, now_ns, self._clock.monotonic_s()):
                     log.error("%d notices of route %s are given up: %s", given_up, name, done.error)
                 break
-            line.sent(some, now_ns)
-            await self._keep(line)
-        await self._keep(line)
+            queue.sent(some, now_ns)
+            await self._keep(queue)
+        await self._keep(queue)
 
     async def _send(self, route: Route, notices: Sequence[Notice]) -> Delivery:
         now_ns, to = self._clock.wall_ns(), route.to
@@ -161,46 +161,49 @@ class Notices:
             error = str(failure) or type(failure).__name__
         return Delivery(ok=not error, status=status, error=error, took_s=self._clock.monotonic_s() - began_s)
 
-    async def _keep(self, line: Line) -> None:
+    async def _keep(self, queue: RouteQueue) -> None:
         """Let the store know what the route was told."""
-        if not line.unkept:
+        if not queue.unkept:
             return
-        rows = [astuple(told) for told in line.unkept.values()]
-        kept = dict(line.unkept)
+        rows = [astuple(reported) for reported in queue.unkept.values()]
+        kept = dict(queue.unkept)
         await self._database.run(lambda engine: keep_told(engine, rows))
-        for key, told in kept.items():
-            if line.unkept.get(key) == told:
-                del line.unkept[key]
+        for key, reported in kept.items():
+            if queue.unkept.get(key) == reported:
+                del queue.unkept[key]
 
     async def _know(self, now_ns: int) -> None:
         """What routes were told, and the alerts that ended without their hearing of it."""
         since_ns = now_ns - round(self._limits.notice_tries_s * 1e9)
 
-        def job(engine: StoreEngine) -> tuple[list[Told], list[Alert]]:
+        def job(engine: StoreEngine) -> tuple[list[LastNotice], list[Alert]]:
             with engine.transaction(write=False):
                 rows = told_rows(engine, resolved_after_ns=since_ns)
-                told = [Told(alert=r[0], route=r[1], stage=r[2], severity=r[3], times=r[4], told_ns=r[5]) for r in rows]
-                open_ones = [item.alert for item in told if item.stage != "resolved"]
-                return told, [alert for alert in read_alerts(engine, open_ones) if not alert.unresolved]
+                reported = [
+                    LastNotice(alert=r[0], route=r[1], stage=r[2], severity=r[3], times=r[4], told_ns=r[5])
+                    for r in rows
+                ]
+                open_ones = [item.alert for item in reported if item.stage != "resolved"]
+                return reported, [alert for alert in read_alerts(engine, open_ones) if not alert.unresolved]
 
-        told, over = await self._database.read(job)
-        for line in self._lines.values():
-            line.know((item for item in told if item.route == line.route.name), over, now_ns)
+        reported, over = await self._database.read(job)
+        for queue in self._queues.values():
+            queue.restore((item for item in reported if item.route == queue.route.name), over, now_ns)
 
-    async def _tell_all(self, line: Line) -> None:
+    async def _send_loop(self, queue: RouteQueue) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
             try:
-                await self.tell(line.route.name)
+                await self.send_due(queue.route.name)
             except StoreError as error:
-                log.debug("what route %s was told waits for the store: %s", line.route.name, error)
+                log.debug("what route %s was told waits for the store: %s", queue.route.name, error)
             except Exception:  # whatever is wrong with a notice, the gateway goes on
-                log.exception("notices of route %s failed: a mistake of ours", line.route.name)
+                log.exception("notices of route %s failed: a mistake of ours", queue.route.name)
 
-    async def _take_turns(self) -> None:
+    async def _keep_leadership(self) -> None:
         while True:
             await asyncio.sleep(DUTY_EVERY_S)
             try:
-                await self.take_turn()
+                await self.take_leadership()
             except StoreError as error:
                 log.debug("notices wait for the store: %s", error)

@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gateway.anomaly.explanation import Explanation, Learned
-from gateway.anomaly.page import Page
-from gateway.anomaly.parameters import FIXED, THRESHOLD, BankConfig
-from gateway.anomaly.snapshot import SnapshotError, pack, unpack
-from gateway.anomaly.state import Floats, Rows
+from gateway.alerting.anomaly.detectors.page import Page
+from gateway.alerting.anomaly.detectors.state import Floats, Rows
+from gateway.alerting.anomaly.explanation import Explanation, Learned
+from gateway.alerting.anomaly.parameters import FIXED, THRESHOLD, BankConfig
+from gateway.alerting.anomaly.snapshot import SnapshotError, pack, unpack
 
 __all__ = ["PAGE_ROWS", "THRESHOLD", "Bank", "BankConfig", "Explanation", "Learned", "SnapshotError"]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["Cells", "Second"]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["CohortConfig", "CohortVerdict", "Cohorts"]
 
@@ -68,7 +68,7 @@ class Cohorts:
         self.columns["count"][slots] += 1.0
         self.columns["newest_s"][slots] = at_s
 
-    def judge(self, at_s: float) -> CohortVerdict | None:
+    def evaluate(self, at_s: float) -> CohortVerdict | None:
         """Once a period: all cohorts."""
         config, columns = self.config, self.columns
         if self.due_s - config.period_s <= at_s < self.due_s:

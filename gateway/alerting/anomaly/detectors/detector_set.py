@@ -1,6 +1,6 @@
 """Every detector of a gateway over the same slots: a second of rows goes through all of them, in one order.
 
-Slots, topics and robots are numbers of `gateway.anomaly.register`; what is found is told through `Telling`.
+Slots, topics and robots are numbers of `gateway.alerting.anomaly.registry`; findings go to `FindingWriter`.
 """
 
 from __future__ import annotations
@@ -11,32 +11,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.cells import Cells, Second
-from gateway.anomaly.checks import CheckTable
-from gateway.anomaly.cohort import Cohorts
-from gateway.anomaly.columns import Columns, Ints
-from gateway.anomaly.config import JudgeConfig
-from gateway.anomaly.defaults import learning_of
-from gateway.anomaly.flat import Flat
-from gateway.anomaly.lasting import OF_VALUE, Lasting
-from gateway.anomaly.novelties import Novelties
-from gateway.anomaly.presence import Presence
-from gateway.anomaly.rates import Rates, topic_of_rate
-from gateway.anomaly.register import Register, RobotNames
-from gateway.anomaly.telling import Telling
-from gateway.anomaly.values import Values
-from gateway.anomaly.vector import Vectors
+from gateway.alerting.anomaly.checks import CheckTable
+from gateway.alerting.anomaly.config import EvaluatorConfig
+from gateway.alerting.anomaly.defaults import learning_of
+from gateway.alerting.anomaly.detectors.cells import Cells, Second
+from gateway.alerting.anomaly.detectors.cohort import Cohorts
+from gateway.alerting.anomaly.detectors.columns import Columns, Ints
+from gateway.alerting.anomaly.detectors.flat import Flat
+from gateway.alerting.anomaly.detectors.lasting import OF_VALUE, Lasting
+from gateway.alerting.anomaly.detectors.novelties import Novelties
+from gateway.alerting.anomaly.detectors.presence import Presence
+from gateway.alerting.anomaly.detectors.rates import Rates, topic_of_rate
+from gateway.alerting.anomaly.detectors.values import Values
+from gateway.alerting.anomaly.detectors.vector import Vectors
+from gateway.alerting.anomaly.findings import FindingWriter
+from gateway.alerting.anomaly.registry import RobotNames, SeriesRegistry
 
-__all__ = ["Detectors"]
+__all__ = ["DetectorSet"]
 
 Parts = Mapping[str, Mapping[str, npt.NDArray[Any]]]
 
 
-class Detectors:
+class DetectorSet:
     """All that learns. `cells` takes the rows in."""
 
-    def __init__(self, config: JudgeConfig, names: Register, telling: Telling) -> None:
-        self._names, self._telling = names, telling
+    def __init__(self, config: EvaluatorConfig, names: SeriesRegistry, writer: FindingWriter) -> None:
+        self._names, self._writer = names, writer
         self.cells = Cells(pending_rows=config.pending_rows)
         self.lasting = Lasting(config.lasting)
         self.novelties = Novelties(config.bank, novel_s=config.novel_s, need=config.novel_need)
@@ -48,10 +48,10 @@ class Detectors:
         self.cohorts = Cohorts(config.cohort)
         self.slots = Columns(topic=np.int64(-1), place=np.int64(-1), is_rate=np.bool_(False), learnt=np.bool_(True))
 
-    def obey(self, table: CheckTable) -> None:
+    def set_checks(self, table: CheckTable) -> None:
         """Judge by another table from now on. Thresholds are attached series by series."""
-        self.rates.obey(table)
-        self.presence.rates.obey(table)
+        self.rates.set_checks(table)
+        self.presence.rates.set_checks(table)
 
     def add(self, slot: int, known: RobotNames, topic: int, *, series: str, is_rate: bool, table: CheckTable) -> None:
         """A new series of a robot; the first 64 of a robot make its vector."""
@@ -100,10 +100,10 @@ class Detectors:
         at_s, slots = second.at_s, second.slots
         robots = np.unique(self.cells.slots["robot"][slots])
         silence, *speeds = self.presence.feed(second, self.slots["topic"][slots], robots)
-        self._telling.silence(silence, table, at_s)
+        self._writer.silence(silence, table, at_s)
         for check_id, verdict in zip(("rate_low", "rate_high"), speeds, strict=True):
             if len(verdict.rows):
-                self._telling.rate(check_id, verdict, self._names.topic_names, table, at_s)
+                self._writer.rate(check_id, verdict, self._names.topic_names, table, at_s)
         is_rate = self.slots["is_rate"][slots]
         if is_rate.any():
             self._feed_rates(slots[is_rate], second.last[is_rate], table, at_s)
@@ -114,9 +114,9 @@ class Detectors:
 
     def compare(self, at_s: float, table: CheckTable) -> None:
         """Robots beside robots like them, once a minute."""
-        verdict = self.cohorts.judge(at_s)
+        verdict = self.cohorts.evaluate(at_s)
         if verdict is not None:
-            self._telling.cohort(verdict, table, at_s)
+            self._writer.cohort(verdict, table, at_s)
 
     def accept(self, slot: int, kind: str, value: float) -> None:
         """What this kind told of a series is normal."""
@@ -167,12 +167,12 @@ class Detectors:
             if len(verdict.rows):
                 names = {slot: self._names.names[slot] for slot in verdict.rows.tolist()}
                 topics = {slot: (robot, topic_of_rate(series)) for slot, (robot, series, _) in names.items()}
-                self._telling.rate(check_id, verdict, topics, table, at_s, source="the agent")
+                self._writer.rate(check_id, verdict, topics, table, at_s, source="the agent")
 
     def _feed_metrics(self, second: Second, table: CheckTable) -> None:
         at_s = second.at_s
-        self._telling.values(self.values.feed(second), at_s)
-        self._telling.flat(self.flat.feed(second), table, at_s)
+        self._writer.values(self.values.feed(second), at_s)
+        self._writer.flat(self.flat.feed(second), table, at_s)
         learnt = self.slots["learnt"][second.slots]
         if not learnt.all():
             second = second.where(learnt)
@@ -184,8 +184,8 @@ class Detectors:
         least = level.columns["least"][second.slots]
         seen_low, seen_high = np.where(ready, low - least, -np.inf), np.where(ready, high + least, np.inf)
         novel = self.novelties.feed(second, seen_low, seen_high)
-        self._telling.novel(novel, second, low, high, table)
-        self._telling.lasting(self.lasting.feed(second), table, at_s)
+        self._writer.novel(novel, second, low, high, table)
+        self._writer.lasting(self.lasting.feed(second), table, at_s)
         self.cohorts.put(second.slots, second.mean, at_s)
 
     def _feed_vectors(self, second: Second, robots: Ints, table: CheckTable) -> None:
@@ -193,14 +193,14 @@ class Detectors:
         inside = place >= 0
         slots = second.slots[inside]
         self.vectors.put(self.cells.slots["robot"][slots], place[inside], second.mean[inside], second.at_s)
-        verdict = self.vectors.judge(robots, second.at_s)
+        verdict = self.vectors.evaluate(robots, second.at_s)
         check = table.get("together")
         if verdict is None or check is None:
             return
         for n, robot in enumerate(verdict.robots.tolist()):
             held = self.vectors.columns["slots"][robot].tolist()
             names = [self._names.names[slot][1] if slot >= 0 else "" for slot in held]
-            self._telling.together(self._names.robot_names[robot], names, verdict, n, check, second.at_s)
+            self._writer.together(self._names.robot_names[robot], names, verdict, n, check, second.at_s)
 
     def _by_slot(self) -> tuple[Columns, ...]:
         rates = self.rates.parts.values()

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.cells import Second
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["Flat", "FlatVerdict"]
 

@@ -1,8 +1,8 @@
 """Lasting changes of a series at four time scales: level, drift, vibration, calm, frequency and sudden steps.
 
 Seconds are gathered into windows of 8, 64 and 512 of them. Each feature of each scale is held against the range in
-which it was learnt (`gateway.anomaly.ranges`), so that only what lasts is told. A step is a jump from one second to
-the next, larger than the series ever made, that is not taken back.
+which it was learnt (`ranges`), so that only what lasts is told. A step is a jump from one second to the next, larger
+than the series ever made, that is not taken back.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.cells import Second
-from gateway.anomaly.columns import Columns, Floats, Ints
-from gateway.anomaly.ranges import RangeRule, Ranges, Verdict
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.columns import Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.ranges import RangeRule, Ranges, Verdict
 
 __all__ = ["FEATURES", "OF_VALUE", "Change", "Feature", "Lasting", "LastingConfig"]
 
@@ -157,10 +157,10 @@ class Lasting:
     def feed(self, second: Second) -> list[Change]:
         """Judge one second of some slots."""
         changes: list[Change] = []
-        self._judge("second.mean", second.slots, second.mean, changes)
+        self._evaluate("second.mean", second.slots, second.mean, changes)
         many = second.count >= 4.0
         if many.any():
-            self._judge("second.spread", second.slots[many], second.spread[many], changes)
+            self._evaluate("second.spread", second.slots[many], second.spread[many], changes)
         self._jump(second, changes)
         self._cross(second)
         for scale in (1, 2, 3):
@@ -180,12 +180,12 @@ class Lasting:
         for feature, ranges in zip(FEATURES, self.ranges, strict=True):
             ranges.columns.load(parts[f"lasting.{feature.name}"])
 
-    def _judge(self, name: str, slots: Ints, x: Floats, changes: list[Change]) -> None:
+    def _evaluate(self, name: str, slots: Ints, x: Floats, changes: list[Change]) -> None:
         number = _NUMBER[name]
-        self._tell(number, slots, x, self.ranges[number].judge(slots, x), changes)
+        self._collect(number, slots, x, self.ranges[number].evaluate(slots, x), changes)
 
     @staticmethod
-    def _tell(number: int, slots: Ints, x: Floats, verdict: Verdict, changes: list[Change]) -> None:
+    def _collect(number: int, slots: Ints, x: Floats, verdict: Verdict, changes: list[Change]) -> None:
         for place in np.flatnonzero(verdict.opened | verdict.closed).tolist():
             low, high = float(verdict.low[place]), float(verdict.high[place])
             opened = bool(verdict.opened[place])
@@ -208,10 +208,10 @@ class Lasting:
         rows, mean = slots[full], total[full] / window
         spread = np.sqrt(np.maximum(square[full] / window - mean * mean, 0.0))
         word = ("", "short", "minute", "long")[scale]
-        self._judge(f"{word}.mean", rows, pivot[full] + mean, changes)
-        self._judge(f"{word}.spread", rows, spread, changes)
+        self._evaluate(f"{word}.mean", rows, pivot[full] + mean, changes)
+        self._evaluate(f"{word}.spread", rows, spread, changes)
         if scale == 2:
-            self._judge("minute.crossings", rows, columns["crossings"][rows].astype(np.float64), changes)
+            self._evaluate("minute.crossings", rows, columns["crossings"][rows].astype(np.float64), changes)
             columns["crossings"][rows] = 0
 
     def _cross(self, second: Second) -> None:
@@ -241,7 +241,7 @@ class Lasting:
         low, high = ranges.band(slots)
         far = ((jump < low) | (jump > high)) & (ranges.columns["seen"][slots] >= ranges.rule.learn)
         near = ~far
-        ranges.judge(slots[near], jump[near])
+        ranges.evaluate(slots[near], jump[near])
         if far.any():
             columns, rows = self.columns, slots[far]
             columns["base"][rows], columns["jump"][rows], columns["wait"][rows] = before[far], jump[far], 1
@@ -256,6 +256,6 @@ class Lasting:
         columns["wait"][slots] = np.where(taken_back | closed, 0, wait)
         back = slots[taken_back]
         if len(back):
-            ranges.judge(back, np.clip(jump[taken_back], *ranges.band(back)))
+            ranges.evaluate(back, np.clip(jump[taken_back], *ranges.band(back)))
         verdict = Verdict(opened, closed, columns["low"][slots], columns["high"][slots])
-        self._tell(_NUMBER["second.jump"], slots, x, verdict, changes)
+        self._collect(_NUMBER["second.jump"], slots, x, verdict, changes)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly.parameters import BankConfig
-from gateway.anomaly.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.detectors.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.parameters import BankConfig
 
 __all__ = ["fields", "lowest"]
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.bank import PAGE_ROWS, THRESHOLD, Bank, BankConfig, SnapshotError
-from gateway.anomaly.cells import Second
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.bank import PAGE_ROWS, THRESHOLD, Bank, BankConfig, SnapshotError
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["Novelties", "NoveltyVerdict"]
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly.parameters import NOVELTIES, BankConfig
-from gateway.anomaly.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.detectors.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.parameters import NOVELTIES, BankConfig
 
-__all__ = ["SMALLEST_SPREAD", "fields", "insert", "judge", "learn", "least_spread"]
+__all__ = ["SMALLEST_SPREAD", "evaluate", "fields", "insert", "learn", "least_spread"]
 
 LISTS = len(NOVELTIES)
 SMALLEST_SPREAD = 1e-100  # of a series that was always zero; keeps every ratio finite
@@ -54,7 +54,7 @@ def least_spread(state: State, config: BankConfig, rows: Rows) -> Floats:
     return least
 
 
-def judge(
+def evaluate(
     state: State, config: BankConfig, lists: Rows, values: Floats, least: Floats
 ) -> tuple[Rows, Floats, Floats, Floats]:
     """Each value before it is learned: its place, the nearest kept value, the distance to it, the spread."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly import lowest, novelty, profile
-from gateway.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
-from gateway.anomaly.parameters import THRESHOLD, BankConfig
-from gateway.anomaly.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.detectors import lowest, novelty, profile
+from gateway.alerting.anomaly.detectors.state import Field, Floats, Rows, State
+from gateway.alerting.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
+from gateway.alerting.anomaly.parameters import THRESHOLD, BankConfig
 
 __all__ = ["LARGEST", "Page"]
 
@@ -58,7 +58,7 @@ class Page:
         usual = profile.usual(self.state, self.config, rows, stamps_s, values)
         low = lowest.lowest(self.state, self.config, rows, values)
         x = np.stack((values, values - usual, low), axis=1)
-        strength, nearest, reach = self._judge(rows, x, before_s)
+        strength, nearest, reach = self._evaluate(rows, x, before_s)
         strongest = strength.argmax(axis=1)
         one = np.arange(len(rows))
         ratio = strength[one, strongest]
@@ -84,14 +84,14 @@ class Page:
         self.state["count"][rows] = count
         return count, elapsed_s
 
-    def _judge(self, rows: Rows, x: Floats, learned_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def _evaluate(self, rows: Rows, x: Floats, learned_s: Floats) -> tuple[Floats, Floats, Floats]:
         """Strength by its limit, nearest value and reach of each novelty of each row; zeros where it cannot say."""
         known = np.isfinite(x).reshape(-1)
         lists = (rows[:, None] * len(self._lists) + self._lists).reshape(-1)[known]
         looked = x.reshape(-1)[known]
         least = novelty.least_spread(self.state, self.config, rows)
         least = least.repeat(len(self._lists))[known]
-        at, nearest, distance, spread = novelty.judge(self.state, self.config, lists, looked, least)
+        at, nearest, distance, spread = novelty.evaluate(self.state, self.config, lists, looked, least)
         allowed = (self.state["times"][rows][:, None] * self._limits).reshape(-1)[known]
         passed = (learned_s[:, None] >= self._learn_s).reshape(-1)[known]
         ready = passed & (self.state.flat["seen"][lists] >= self.config.learn_samples)
@@ -108,7 +108,7 @@ class Page:
         for number, x in enumerate((value, value - usual, value)):
             lists, at_value = np.array([row * len(self._lists) + number]), np.array([x])
             if np.isfinite(x) and abs(x) <= LARGEST:
-                at, _, distance, _ = novelty.judge(self.state, self.config, lists, at_value, np.zeros(1))
+                at, _, distance, _ = novelty.evaluate(self.state, self.config, lists, at_value, np.zeros(1))
                 if distance[0] > 0.0:
                     novelty.insert(self.state, self.config, lists, at_value, at)
 
@@ -139,6 +139,6 @@ class Page:
         """Where the next value is expected, around the last one."""
         lists, value = np.array([row * len(self._lists)]), self.state["last"][row, :1].copy()
         least = novelty.least_spread(self.state, self.config, np.array([row]))
-        _, nearest, _, spread = novelty.judge(self.state, self.config, lists, value, least)
+        _, nearest, _, spread = novelty.evaluate(self.state, self.config, lists, value, least)
         reach = float(spread[0] * self._limits[0] * self.state["times"][row])
         return band(self.kept(row, 0), float(nearest[0]), reach)

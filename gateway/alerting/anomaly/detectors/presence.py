@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.cells import Second
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
-from gateway.anomaly.rates import RateConfig, Rates, RateVerdict
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.rates import RateConfig, Rates, RateVerdict
 
 __all__ = ["Presence", "PresenceConfig", "Silence"]
 

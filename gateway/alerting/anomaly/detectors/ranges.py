@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["RangeRule", "Ranges", "Verdict"]
 
@@ -58,7 +58,7 @@ class Ranges:
             told=np.float64(np.nan),
         )  # fmt: skip
 
-    def judge(self, rows: Ints, x: Floats) -> Verdict:
+    def evaluate(self, rows: Ints, x: Floats) -> Verdict:
         """Hold one value a row against its range, then learn it."""
         columns, rule = self.columns, self.rule
         low, high = self.band(rows)
@@ -106,9 +106,9 @@ class Ranges:
 
     def accept_told(self, row: int) -> None:
         """The value that was told last is normal; nothing where none was."""
-        told = float(self.columns["told"][row])
-        if np.isfinite(told):
-            self.accept(row, told)
+        bound = float(self.columns["told"][row])
+        if np.isfinite(bound):
+            self.accept(row, bound)
 
     def _adopt(self, rows: Ints, x: Floats) -> None:
         """What lasted so long is how it is now."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.anomaly.checks import Check, CheckTable
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
-from gateway.anomaly.defaults import DEFAULT_CHECKS
-from gateway.anomaly.holds import PENDING, Holds
+from gateway.alerting.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.condition_states import PENDING, ConditionStates
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["RATE_SERIES", "RateConfig", "RateVerdict", "Rates", "rate_series", "topic_of_rate"]
 
@@ -53,12 +53,12 @@ class Rates:
 
     def __init__(self, config: RateConfig = RateConfig()) -> None:
         self.config = config
-        self.obey(CheckTable(DEFAULT_CHECKS))
+        self.set_checks(CheckTable(DEFAULT_CHECKS))
         zero = np.float64(0)
         self.columns = Columns(usual=zero, fast=zero, wobble=zero, seen=np.int64(0))
-        self.low, self.high = Holds(), Holds()
+        self.low, self.high = ConditionStates(), ConditionStates()
 
-    def obey(self, table: CheckTable) -> None:
+    def set_checks(self, table: CheckTable) -> None:
         """Judge by these checks from now on; their `low` and `high` are factors of the learnt rate."""
         self._limits = table.get("rate_low"), table.get("rate_high")
 

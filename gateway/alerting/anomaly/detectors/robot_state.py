@@ -1,7 +1,7 @@
-"""One robot's part of all detectors: taken out of one judge, and put into another one under other numbers.
+"""One robot's part of all detectors: taken out of one evaluator, and put into another one under other numbers.
 
-What is learned of a series, a topic or a robot depends on nothing else in the judge, but for the comparison with
-robots like it, which goes on among the robots that the other judge has.
+What is learned of a series, a topic or a robot depends on nothing else in the evaluator, but for the comparison with
+robots like it, which goes on among the robots that the other evaluator has.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import numpy.typing as npt
 import xxhash
 import zstandard
 
-from gateway.anomaly.bank import SnapshotError
-from gateway.anomaly.columns import Columns, Ints, Parts
-from gateway.anomaly.detectors import Detectors
-from gateway.anomaly.lasting import FEATURES
-from gateway.anomaly.register import RobotNames
+from gateway.alerting.anomaly.detectors.bank import SnapshotError
+from gateway.alerting.anomaly.detectors.columns import Columns, Ints, Parts
+from gateway.alerting.anomaly.detectors.detector_set import DetectorSet
+from gateway.alerting.anomaly.detectors.lasting import FEATURES
+from gateway.alerting.anomaly.registry import RobotNames
 from metaros.limits import LIMITS
 
 __all__ = ["VERSION", "pack_robot", "put_robot", "take_robot", "unpack_robot"]
 
 VERSION = 1
-NUMBERS = {  # what is a number of the judge's own: the one that it gave when the series was added stays
+NUMBERS = {  # what is a number of the evaluator's own: the one that it gave when the series was added stays
     "slot.slots": ("topic",),
     "slot.cells": ("robot",),
     "slot.novelties": ("bank",),
@@ -38,7 +38,7 @@ _HEAD = struct.Struct("<HI")  # version, length of the words
 _SUM_BYTES = 8
 
 
-def take_robot(detectors: Detectors, known: RobotNames) -> dict[str, dict[str, npt.NDArray[Any]]]:
+def take_robot(detectors: DetectorSet, known: RobotNames) -> dict[str, dict[str, npt.NDArray[Any]]]:
     """Everything that is learned of a robot, as groups of arrays in the order of its series and topics.
 
     Rows that wait for their second's end are left out, as the store has them; not so the rates of topics.
@@ -54,7 +54,7 @@ def take_robot(detectors: Detectors, known: RobotNames) -> dict[str, dict[str, n
     return groups
 
 
-def put_robot(detectors: Detectors, known: RobotNames, groups: Parts) -> None:
+def put_robot(detectors: DetectorSet, known: RobotNames, groups: Parts) -> None:
     """Go on from what `take_robot` gave; the robot's series and topics were added in the same order.
 
     Raises:
@@ -113,7 +113,7 @@ def _arrays(plain: bytes, start: int, shapes: Sequence[Any]) -> dict[str, dict[s
     return groups
 
 
-def _columns(detectors: Detectors, known: RobotNames) -> dict[str, tuple[Columns, Ints]]:
+def _columns(detectors: DetectorSet, known: RobotNames) -> dict[str, tuple[Columns, Ints]]:
     """All columns, and which rows of them are the robot's."""
     slots, topics = _numbers(known.series), _numbers(known.topics)
     by_slot = {

@@ -7,10 +7,10 @@ from bisect import bisect_left
 from collections import deque
 from itertools import pairwise
 
-from gateway.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
-from gateway.anomaly.novelty import SMALLEST_SPREAD
-from gateway.anomaly.page import LARGEST
-from gateway.anomaly.parameters import FIXED, NOVELTIES, THRESHOLD, BankConfig
+from gateway.alerting.anomaly.detectors.novelty import SMALLEST_SPREAD
+from gateway.alerting.anomaly.detectors.page import LARGEST
+from gateway.alerting.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
+from gateway.alerting.anomaly.parameters import FIXED, NOVELTIES, THRESHOLD, BankConfig
 
 __all__ = ["Stream"]
 
@@ -46,7 +46,7 @@ class Stream:
         for number, novelty in enumerate(self._novelties):
             if math.isfinite(x[number]):
                 enough = learned_s >= self._learn_s[number]
-                found = novelty.judge(x[number], self._allowed[number], least, enough)
+                found = novelty.evaluate(x[number], self._allowed[number], least, enough)
                 if not number or found[0] > best[0]:
                     best, strongest = found, number
         score = self._calm(best[0] / (1.0 + best[0]))
@@ -114,7 +114,7 @@ class _Novelty:
         spread = math.sqrt(self._square / max(self._seen, 1.0))
         return at, below if down <= up else above, min(down, up), max(spread, least)
 
-    def judge(self, x: float, allowed: float, least: float, enough: bool) -> tuple[float, float, float]:
+    def evaluate(self, x: float, allowed: float, least: float, enough: bool) -> tuple[float, float, float]:
         """Strength by the limit, nearest kept value, reach; then learns x."""
         at, nearest, distance, spread = self.look(x, least)
         reach = spread * allowed

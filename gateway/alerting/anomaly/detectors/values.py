@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.cells import Second
-from gateway.anomaly.checks import Check, CheckTable
-from gateway.anomaly.columns import Columns, Ints
-from gateway.anomaly.holds import Holds
+from gateway.alerting.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.condition_states import ConditionStates
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.columns import Columns, Ints
 
 __all__ = ["ValueChange", "Values"]
 
@@ -37,7 +37,7 @@ class Values:
         self._pairs: dict[int, list[tuple[int, Check]]] = {}  # by slot: rows
         self._checks: list[Check | None] = []
         self._free: list[int] = []
-        self.holds = Holds()
+        self.holds = ConditionStates()
         self.columns = Columns(
             slot=np.int64(-1), low=nan, high=nan, low_clear=nan, high_clear=nan, for_s=nan, clear_s=nan, window_s=nan,
             ref=nan, ref_s=nan, next_ref=nan, next_s=nan,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gateway.anomaly.columns import Bools, Columns, Floats, Ints
+from gateway.alerting.anomaly.detectors.columns import Bools, Columns, Floats, Ints
 
 __all__ = ["METRICS", "VectorConfig", "VectorVerdict", "Vectors"]
 
@@ -72,7 +72,7 @@ class Vectors:
         self.columns["newest"][robots, places] = values
         self.columns["newest_s"][robots, places] = at_s
 
-    def judge(self, robots: Ints, at_s: float) -> VectorVerdict | None:
+    def evaluate(self, robots: Ints, at_s: float) -> VectorVerdict | None:
         """Judge the robots whose next vector is due."""
         config, columns = self.config, self.columns
         due_s = columns["due_s"][robots]

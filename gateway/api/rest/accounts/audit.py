@@ -9,14 +9,14 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_audit
-from gateway.api.allow import allow
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
+from gateway.api.models import audit, common
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
-from gateway.store.audit import AuditRow
+from gateway.api.views.robots import rfc3339
+from gateway.store.accounts.audit import AuditRow
 
 __all__ = ["router"]
 
@@ -30,8 +30,8 @@ router = api_router("/api/v1/audit", tags=["audit"])
 
 @router.get(
     "",
-    dependencies=[allow("audit.read")],
-    responses={200: {"model": models_audit.AuditPage}, 503: {"model": models.Problem}},
+    dependencies=[require_permission("audit.read")],
+    responses={200: {"model": audit.AuditPage}, 503: {"model": common.Problem}},
 )
 async def list_audit(
     request: Request,
@@ -45,14 +45,14 @@ async def list_audit(
     wanted = {"action": _text(action), "name": _text(name)}
     rows = await services_of(request).audit.page(before=before, limit=limit, **wanted)
     following = rows[-1].number if len(rows) == limit else None
-    chosen = read_fields(fields, models_audit.AuditRow)
+    chosen = read_fields(fields, audit.AuditRow)
     return JsonResponse({"rows": [chosen.of(_view(row)) for row in rows], "next": following})
 
 
 @router.get(
     "/verify",
-    dependencies=[allow("audit.read")],
-    responses={200: {"model": models_audit.AuditProof}, 429: {"model": models.Problem}, 503: {"model": models.Problem}},
+    dependencies=[require_permission("audit.read")],
+    responses={200: {"model": audit.AuditProof}, 429: {"model": common.Problem}, 503: {"model": common.Problem}},
 )
 async def verify_audit(request: Request) -> Response:
     """Prove the whole chain, and compare the heads in the object store. One proof at a time; it reads every row."""

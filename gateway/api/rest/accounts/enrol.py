@@ -9,21 +9,22 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_enrol
-from gateway.api.address import PROXIED_KEY
-from gateway.api.allow import allow, principal_of, require_seen
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission, require_visible
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.address import PROXIED_KEY
+from gateway.api.middleware.audited import note
+from gateway.api.models import common
+from gateway.api.models import enrol as models_enrol
 from gateway.api.problem import JsonResponse
-from gateway.api.rest.auth import REFUSALS
+from gateway.api.rest.accounts.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
+from gateway.api.views.robots import rfc3339
+from gateway.domain.host_names import url_of
 from gateway.domain.identity import RobotIdentity, TokenState
 from gateway.errors import IdentityError, InvalidRequestError
-from gateway.identity.enrol import CHALLENGE_S, Enrolled
-from gateway.names import url_of
+from gateway.identity.certificates.enrol import CHALLENGE_S, Enrolled
 from gateway.settings import is_loopback
 
 __all__ = ["router"]
@@ -33,8 +34,8 @@ router = api_router("/api/v1", tags=["identity"])
 
 @router.get(
     "/enrol/roots",
-    dependencies=[allow("agent.enrol")],
-    responses={200: {"model": models_enrol.FleetRoots}, 503: {"model": models.Problem}},
+    dependencies=[require_permission("agent.enrol")],
+    responses={200: {"model": models_enrol.FleetRoots}, 503: {"model": common.Problem}},
 )
 async def get_roots(request: Request) -> Response:
     """The fleet's roots, for a robot that compares them with the pin in its token before it believes anything."""
@@ -45,7 +46,7 @@ async def get_roots(request: Request) -> Response:
 @router.post(
     "/enrol",
     status_code=201,
-    dependencies=[allow("agent.enrol")],
+    dependencies=[require_permission("agent.enrol")],
     responses={201: {"model": models_enrol.Enrolment}, 200: {"model": models_enrol.Enrolment}, **REFUSALS},
     openapi_extra=body_document(models_enrol.EnrolRequest),
 )
@@ -62,7 +63,7 @@ async def enrol(request: Request) -> Response:
 
 @router.post(
     "/enrol/challenge",
-    dependencies=[allow("agent.enrol")],
+    dependencies=[require_permission("agent.enrol")],
     responses={200: {"model": models_enrol.EnrolChallenge}, **REFUSALS},
     openapi_extra=body_document(models_enrol.ChallengeRequest),
 )
@@ -76,7 +77,7 @@ async def get_challenge(request: Request) -> Response:
 
 @router.post(
     "/enrol/renew",
-    dependencies=[allow("agent.enrol")],
+    dependencies=[require_permission("agent.enrol")],
     responses={200: {"model": models_enrol.Enrolment}, **REFUSALS},
     openapi_extra=body_document(models_enrol.RenewRequest),
 )
@@ -96,7 +97,7 @@ async def renew(request: Request) -> Response:
 
 @router.get(
     "/enrolment-tokens",
-    dependencies=[allow("robots.enrol")],
+    dependencies=[require_permission("robots.enrol")],
     responses={200: {"model": models_enrol.EnrolmentTokenList}, **REFUSALS},
 )
 async def list_tokens(request: Request, window: Paged) -> Response:
@@ -110,7 +111,7 @@ async def list_tokens(request: Request, window: Paged) -> Response:
 @router.post(
     "/enrolment-tokens",
     status_code=201,
-    dependencies=[allow("robots.enrol")],
+    dependencies=[require_permission("robots.enrol")],
     responses={201: {"model": models_enrol.NewEnrolmentToken}, **REFUSALS},
     openapi_extra=body_document(models_enrol.TokenOrder),
 )
@@ -119,7 +120,7 @@ async def make_token(request: Request) -> Response:
     body = await read_body(request, models_enrol.TokenOrder)
     principal, services = principal_of(request), services_of(request)
     if body.robot:
-        require_seen(request, body.robot)
+        require_visible(request, body.robot)
     elif not principal.sees_all:
         raise InvalidRequestError("robot: who does not see every robot has to say which one the token is for")
     token, state = await services.identities.enrol.make_token(
@@ -133,8 +134,8 @@ async def make_token(request: Request) -> Response:
 
 @router.delete(
     "/enrolment-tokens/{token_id}",
-    dependencies=[allow("robots.enrol")],
-    responses={200: {"model": models.Ok}, **REFUSALS},
+    dependencies=[require_permission("robots.enrol")],
+    responses={200: {"model": common.Ok}, **REFUSALS},
 )
 async def drop_token(request: Request, token_id: str) -> Response:
     """Take back a token that no robot has used."""
@@ -145,7 +146,7 @@ async def drop_token(request: Request, token_id: str) -> Response:
 
 @router.get(
     "/identities",
-    dependencies=[allow("robots.enrol")],
+    dependencies=[require_permission("robots.enrol")],
     responses={200: {"model": models_enrol.IdentityList}, **REFUSALS},
 )
 async def list_identities(request: Request, window: Paged) -> Response:
@@ -160,8 +161,8 @@ async def list_identities(request: Request, window: Paged) -> Response:
 
 @router.post(
     "/robots/{robot_id}/revoke",
-    dependencies=[allow("robots.revoke")],
-    responses={200: {"model": models.Ok}, **REFUSALS},
+    dependencies=[require_permission("robots.revoke")],
+    responses={200: {"model": common.Ok}, **REFUSALS},
     openapi_extra=body_document(models_enrol.RevokeRequest),
 )
 async def revoke(request: Request, robot_id: str) -> Response:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_identity
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note, reach
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.audited import note, rights_detail
+from gateway.api.models import common, identity
 from gateway.api.problem import JsonResponse
-from gateway.api.rest.auth import REFUSALS
+from gateway.api.rest.accounts.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
 from gateway.api.services import services_of
-from gateway.api.views_identity import key_view, new_key_view
+from gateway.api.views.identity import key_view, new_key_view
 from gateway.domain.principal import Role
 from gateway.identity.keys import KeyRequest
 from gateway.identity.users import checked_robots
@@ -26,8 +26,8 @@ router = api_router("/api/v1/keys", tags=["accounts"])
 
 @router.get(
     "",
-    dependencies=[allow("keys.own")],
-    responses={200: {"model": models_identity.ApiKeyList}, 401: {"model": models.Problem}},
+    dependencies=[require_permission("keys.own")],
+    responses={200: {"model": identity.ApiKeyList}, 401: {"model": common.Problem}},
 )
 async def list_keys(request: Request, window: Paged) -> Response:
     """One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin."""
@@ -36,7 +36,7 @@ async def list_keys(request: Request, window: Paged) -> Response:
         "keys",
         found,
         lambda pair: key_view(*pair),
-        model=models_identity.ApiKey,
+        model=identity.ApiKey,
         key=lambda pair: pair[0].id,
         window=window,
     )
@@ -45,26 +45,26 @@ async def list_keys(request: Request, window: Paged) -> Response:
 @router.post(
     "",
     status_code=201,
-    dependencies=[allow("keys.own")],
-    responses={201: {"model": models_identity.NewApiKey}, **REFUSALS},
-    openapi_extra=body_document(models_identity.ApiKeyRequest),
+    dependencies=[require_permission("keys.own")],
+    responses={201: {"model": identity.NewApiKey}, **REFUSALS},
+    openapi_extra=body_document(identity.ApiKeyRequest),
 )
 async def create_key(request: Request) -> Response:
     """Make a key that reaches no further than who asks. Its secret is in this answer and nowhere else."""
-    body = await read_body(request, models_identity.ApiKeyRequest)
+    body = await read_body(request, identity.ApiKeyRequest)
     principal = principal_of(request)
     robots = checked_robots(body.robots)
     wanted = KeyRequest(body.name, Role.of(body.role), robots, frozenset(body.scopes), body.expires_s)
     made = await services_of(request).accounts.create_key(principal, wanted)
-    note(request, detail=reach(f"key {made.key.id} {made.key.name}", made.key.role, made.key.robots))
+    note(request, detail=rights_detail(f"key {made.key.id} {made.key.name}", made.key.role, made.key.robots))
     owner = principal.name if principal.kind == "user" else ""
     return JsonResponse(new_key_view(made, owner), status_code=201)
 
 
 @router.delete(
     "/{key_id}",
-    dependencies=[allow("keys.own")],
-    responses={200: {"model": models.Ok}, **REFUSALS},
+    dependencies=[require_permission("keys.own")],
+    responses={200: {"model": common.Ok}, **REFUSALS},
 )
 async def revoke_key(request: Request, key_id: str) -> Response:
     """Revoke a key for ever."""

@@ -9,29 +9,29 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
-from gateway.api import models, models_oidc
-from gateway.api.allow import allow
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.middleware.refused_sign_in import refused_because
+from gateway.api.middleware.session_cookie import set_session
+from gateway.api.models import common, identity
 from gateway.api.problem import JsonResponse
-from gateway.api.refused_sign_in import refused_because
 from gateway.api.services import services_of
-from gateway.api.session_cookie import set_session
 from gateway.errors import CredentialsError
 from gateway.identity.errors import OidcRefusedError
-from gateway.identity.oidc import BEGUN_S, OidcClient
+from gateway.identity.oidc.client import BEGUN_S, OidcClient
 
 __all__ = ["router"]
 
 COOKIE = "metaros_oidc"
 PATH = "/api/v1/auth/oidc"
 Text = Annotated[str, Query(max_length=4096)]
-REFUSALS: dict[int | str, dict[str, Any]] = {status: {"model": models.Problem} for status in (401, 404, 503)}
+REFUSALS: dict[int | str, dict[str, Any]] = {status: {"model": common.Problem} for status in (401, 404, 503)}
 
 router = api_router(PATH, tags=["accounts"])
 
 
-@router.get("", dependencies=[allow("page.read")], responses={200: {"model": models_oidc.Provider}})
+@router.get("", dependencies=[require_permission("page.read")], responses={200: {"model": identity.Provider}})
 async def get_provider(request: Request) -> Response:
     """Whether people sign in elsewhere, and what to write on the button."""
     client = services_of(request).oidc
@@ -41,7 +41,7 @@ async def get_provider(request: Request) -> Response:
     return JsonResponse(found)
 
 
-@router.get("/start", status_code=302, dependencies=[allow("sessions.open")], responses=REFUSALS)
+@router.get("/start", status_code=302, dependencies=[require_permission("sessions.open")], responses=REFUSALS)
 async def start(request: Request) -> Response:
     """Send the browser to the provider."""
     begun = await _client(request).begin()
@@ -59,11 +59,11 @@ async def start(request: Request) -> Response:
     return answer
 
 
-@router.get("/callback", status_code=302, dependencies=[allow("sessions.open")], responses=REFUSALS)
+@router.get("/callback", status_code=302, dependencies=[require_permission("sessions.open")], responses=REFUSALS)
 async def callback(request: Request, code: Text = "", state: Text = "", error: Text = "") -> Response:
     """Where the provider sends the browser back: a session, and the dashboard; else the sign-in page, with a code.
 
-    Programs, which take no HTML, get the problem instead (`gateway.api.refused_sign_in`).
+    Programs, which take no HTML, get the problem instead (`gateway.api.middleware.refused_sign_in`).
     """
     client, services = _client(request), services_of(request)
     if error or not code or not state:
@@ -76,7 +76,7 @@ async def callback(request: Request, code: Text = "", state: Text = "", error: T
     except OidcRefusedError as refusal:
         refused_because(request.scope, refusal.why)
         raise
-    principal = await services.door.by_session(done.session.token)
+    principal = await services.authenticator.by_session(done.session.token)
     if principal is None:  # removed in this very moment
         raise CredentialsError("this user is gone")
     note(request, actor=principal, detail=f"by {client.settings.issuer}")

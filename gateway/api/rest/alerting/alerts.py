@@ -11,23 +11,23 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.alerts.errors import UnknownAlertError
-from gateway.api import models, models_alerts, models_identity
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.alerting.alerts.errors import UnknownAlertError
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
-from gateway.api.models_recordings import Recording
+from gateway.api.middleware.audited import note
+from gateway.api.models import alerts, common, identity
+from gateway.api.models.recordings import Recording
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.history.recordings import recording_view
 from gateway.api.rest.once import once_of
-from gateway.api.rest.recordings import recording_view
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
-from gateway.api.silence_reach import check_reach
-from gateway.api.views_alerts import alert_detail_view, alert_view, counts_view, silence_view
-from gateway.domain import recording as recordings
+from gateway.api.silence_scope import check_silence_scope
+from gateway.api.views.alerts import alert_detail_view, alert_view, counts_view, silence_view
 from gateway.domain.alert import Alert, AlertFilter
+from gateway.domain.fleet import recording as recordings
 from gateway.errors import UnknownRecordingError
 
 __all__ = ["router", "seen_alert", "seer"]
@@ -40,19 +40,19 @@ Causes = Annotated[
     list[Annotated[str, Field(max_length=128)]] | None,
     Query(max_length=32, description="only of these causes, or patterns of them: rate:*"),
 ]
-States = Annotated[list[models_alerts.AlertState] | None, Query(max_length=3, description="only those in one of them")]
-Severities = Annotated[list[models_alerts.Severity] | None, Query(max_length=3, description="only those as bad")]
+States = Annotated[list[alerts.AlertState] | None, Query(max_length=3, description="only those in one of them")]
+Severities = Annotated[list[alerts.Severity] | None, Query(max_length=3, description="only those as bad")]
 Text = Annotated[str, Query(max_length=200, description="part of the title, the reason, the robot or the cause")]
 From = Annotated[str, Query(alias="from", max_length=64, description="not resolved before: RFC 3339, or like -1h")]
 Until = Annotated[str, Query(max_length=64, description="opened before: RFC 3339, relative, or now")]
 Quiet = Annotated[bool | None, Query(description="only those that nobody is told of, or only the others")]
 Before = Annotated[str, Query(max_length=64, description="the `next` of the page before")]
-ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_alerts.Alert}, **PROBLEMS}
+ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": alerts.Alert}, **PROBLEMS}
 
 router = api_router("/api/v1/alerts", tags=["alerts"])
 
 
-@router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_alerts.AlertList}})
+@router.get("", dependencies=[require_permission("alerts.read")], responses={200: {"model": alerts.AlertList}})
 async def list_alerts(
     request: Request,
     state: States = None,
@@ -68,7 +68,7 @@ async def list_alerts(
     fields: FieldsText = "",
 ) -> Response:
     """The newest alerts, newest first; with `from` and `until` those that were not resolved at some time in between."""
-    services, chosen = services_of(request), read_fields(fields, models_alerts.Alert)
+    services, chosen = services_of(request), read_fields(fields, alerts.Alert)
     now_ns = services.clock.wall_ns()
     wanted = AlertFilter(
         states=tuple(state or ()),
@@ -91,7 +91,7 @@ async def list_alerts(
     return await asyncio.to_thread(answer)  # a thousand take longer than others may wait on the event loop
 
 
-@router.get("/counts", dependencies=[allow("alerts.read")], responses={200: {"model": models_alerts.AlertCounts}})
+@router.get("/counts", dependencies=[require_permission("alerts.read")], responses={200: {"model": alerts.AlertCounts}})
 async def count_alerts(request: Request) -> Response:
     """How many alerts are not resolved."""
     return JsonResponse(counts_view(services_of(request).alerts.counts(seer(request))))
@@ -99,8 +99,8 @@ async def count_alerts(request: Request) -> Response:
 
 @router.get(
     "/{alert_id}",
-    dependencies=[allow("alerts.read")],
-    responses={200: {"model": models_alerts.AlertDetail}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("alerts.read")],
+    responses={200: {"model": alerts.AlertDetail}, 404: {"model": common.Problem}},
 )
 async def get_alert(request: Request, alert_id: str) -> Response:
     """One alert, with what was found and what was said."""
@@ -109,9 +109,9 @@ async def get_alert(request: Request, alert_id: str) -> Response:
 
 @router.post(
     "/{alert_id}/acknowledge",
-    dependencies=[allow("alerts.handle")],
+    dependencies=[require_permission("alerts.handle")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_alerts.AlertText),
+    openapi_extra=body_document(alerts.AlertText),
 )
 async def acknowledge_alert(request: Request, alert_id: str) -> Response:
     """Somebody sees to it: it is not told again until it gets worse."""
@@ -120,9 +120,9 @@ async def acknowledge_alert(request: Request, alert_id: str) -> Response:
 
 @router.post(
     "/{alert_id}/unacknowledge",
-    dependencies=[allow("alerts.handle")],
+    dependencies=[require_permission("alerts.handle")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_alerts.AlertText),
+    openapi_extra=body_document(alerts.AlertText),
 )
 async def unacknowledge_alert(request: Request, alert_id: str) -> Response:
     """Nobody sees to it after all."""
@@ -131,9 +131,9 @@ async def unacknowledge_alert(request: Request, alert_id: str) -> Response:
 
 @router.post(
     "/{alert_id}/resolve",
-    dependencies=[allow("alerts.handle")],
+    dependencies=[require_permission("alerts.handle")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_alerts.AlertText),
+    openapi_extra=body_document(alerts.AlertText),
 )
 async def resolve_alert(request: Request, alert_id: str) -> Response:
     """It is over, whatever is found; what is found anew is another alert, or this one again within its cool-down."""
@@ -143,13 +143,13 @@ async def resolve_alert(request: Request, alert_id: str) -> Response:
 @router.post(
     "/{alert_id}/comments",
     status_code=201,
-    dependencies=[allow("alerts.handle")],
-    responses={201: {"model": models_alerts.AlertDetail}, **PROBLEMS},
-    openapi_extra=body_document(models_alerts.AlertComment),
+    dependencies=[require_permission("alerts.handle")],
+    responses={201: {"model": alerts.AlertDetail}, **PROBLEMS},
+    openapi_extra=body_document(alerts.AlertComment),
 )
 async def comment_alert(request: Request, alert_id: str) -> Response:
     """Say something to it. With an `Idempotency-Key` the same request says it once."""
-    body = await read_body(request, models_alerts.AlertComment)
+    body = await read_body(request, alerts.AlertComment)
     found = await seen_alert(request, alert_id)
     once = once_of(request, {"alert": found.id, "text": body.text})
     by = principal_of(request).name
@@ -160,13 +160,13 @@ async def comment_alert(request: Request, alert_id: str) -> Response:
 
 @router.post(
     "/{alert_id}/assign",
-    dependencies=[allow("alerts.handle")],
+    dependencies=[require_permission("alerts.handle")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_alerts.AlertAssign),
+    openapi_extra=body_document(alerts.AlertAssign),
 )
 async def assign_alert(request: Request, alert_id: str) -> Response:
     """Say who sees to it; "" is nobody."""
-    body = await read_body(request, models_alerts.AlertAssign)
+    body = await read_body(request, alerts.AlertAssign)
     found = await seen_alert(request, alert_id)
     by = principal_of(request).name
     changed = await services_of(request).alerts.assign(found.id, assignee=body.assignee, by=by)
@@ -176,13 +176,13 @@ async def assign_alert(request: Request, alert_id: str) -> Response:
 
 @router.post(
     "/{alert_id}/normal",
-    dependencies=[allow("alerts.handle")],
-    responses={200: {"model": models_alerts.AlertNormal}, **PROBLEMS},
-    openapi_extra=body_document(models_alerts.AlertText),
+    dependencies=[require_permission("alerts.handle")],
+    responses={200: {"model": alerts.AlertNormal}, **PROBLEMS},
+    openapi_extra=body_document(alerts.AlertText),
 )
 async def accept_alert(request: Request, alert_id: str) -> Response:
     """What was found is normal: teach it to whatever found it."""
-    body = await read_body(request, models_alerts.AlertText)
+    body = await read_body(request, alerts.AlertText)
     services, found = services_of(request), await seen_alert(request, alert_id)
     taught = await services.watch.normal(found)
     changed = await services.alerts.normal(found.id, text=body.text, by=principal_of(request).name)
@@ -193,17 +193,17 @@ async def accept_alert(request: Request, alert_id: str) -> Response:
 @router.post(
     "/{alert_id}/silence",
     status_code=201,
-    dependencies=[allow("alerts.handle")],
-    responses={201: {"model": models_alerts.Silence}, **PROBLEMS},
-    openapi_extra=body_document(models_alerts.AlertSilence),
+    dependencies=[require_permission("alerts.handle")],
+    responses={201: {"model": alerts.Silence}, **PROBLEMS},
+    openapi_extra=body_document(alerts.AlertSilence),
 )
 async def silence_alert(request: Request, alert_id: str) -> Response:
     """Tell nobody of the robot's alerts of this cause for a while. With an `Idempotency-Key` it begins once."""
-    body = await read_body(request, models_alerts.AlertSilence)
+    body = await read_body(request, alerts.AlertSilence)
     services, found = services_of(request), await seen_alert(request, alert_id)
     robots = (found.robot,) if found.robot else ()
     principal = principal_of(request)
-    check_reach(principal, robots)
+    check_silence_scope(principal, robots)
     made = await services.alerts.add_silence(
         robots=robots,
         causes=(found.cause,),
@@ -219,13 +219,13 @@ async def silence_alert(request: Request, alert_id: str) -> Response:
 @router.post(
     "/{alert_id}/clip",
     status_code=202,
-    dependencies=[allow("alerts.handle")],
+    dependencies=[require_permission("alerts.handle")],
     responses={202: {"model": Recording}, **PROBLEMS},
-    openapi_extra=body_document(models_identity.Nothing),
+    openapi_extra=body_document(identity.Nothing),
 )
 async def clip_alert(request: Request, alert_id: str) -> Response:
     """Ask the robot's black box for what it has around the alert's beginning; one clip that is on its way is enough."""
-    await read_body(request, models_identity.Nothing)
+    await read_body(request, identity.Nothing)
     services, found = services_of(request), await seen_alert(request, alert_id)
     asked = await _clip_of(request, found) or await services.watch.clip(found)
     note(request, detail=f"{_named(found)}: recording {asked.id}")
@@ -250,7 +250,7 @@ async def seen_alert(request: Request, alert_id: str) -> Alert:
 
 async def _said(request: Request, alert_id: str, act: Callable[..., Awaitable[Alert]]) -> Response:
     """Do what needs no more than a text."""
-    body = await read_body(request, models_alerts.AlertText)
+    body = await read_body(request, alerts.AlertText)
     found = await seen_alert(request, alert_id)
     changed = await act(found.id, by=principal_of(request).name, text=body.text)
     note(request, detail=_named(changed))

@@ -5,47 +5,47 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.alerts.errors import UnknownSilenceError
-from gateway.api import models_alerts
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.alerting.alerts.errors import UnknownSilenceError
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.audited import note
+from gateway.api.models import alerts
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import once_of
 from gateway.api.services import services_of
-from gateway.api.silence_reach import check_reach, sees_silence
-from gateway.api.views_alerts import silence_view
+from gateway.api.silence_scope import check_silence_scope, sees_silence
+from gateway.api.views.alerts import silence_view
 
 __all__ = ["router"]
 
 router = api_router("/api/v1/silences", tags=["alerts"])
 
 
-@router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_alerts.SilenceList}})
+@router.get("", dependencies=[require_permission("alerts.read")], responses={200: {"model": alerts.SilenceList}})
 async def list_silences(request: Request, window: Paged) -> Response:
     """Those that are not over and reach no robot out of one's scope; the one that ends first is the first."""
     principal = principal_of(request)
     found = [one for one in await services_of(request).alerts.silences() if sees_silence(principal, one)]
-    return listing("silences", found, silence_view, model=models_alerts.Silence, key=lambda one: one.id, window=window)
+    return listing("silences", found, silence_view, model=alerts.Silence, key=lambda one: one.id, window=window)
 
 
 @router.post(
     "",
     status_code=201,
-    dependencies=[allow("alerts.handle")],
-    responses={201: {"model": models_alerts.Silence}, **PROBLEMS},
-    openapi_extra=body_document(models_alerts.SilenceRequest),
+    dependencies=[require_permission("alerts.handle")],
+    responses={201: {"model": alerts.Silence}, **PROBLEMS},
+    openapi_extra=body_document(alerts.SilenceRequest),
 )
 async def add_silence(request: Request) -> Response:
     """Tell nobody of what matches. One of the whole fleet needs `alerts.manage`, others a scope that covers them.
 
     With the header `Idempotency-Key` the same request makes one, and is answered with how that stands now.
     """
-    body = await read_body(request, models_alerts.SilenceRequest)
+    body = await read_body(request, alerts.SilenceRequest)
     services, principal = services_of(request), principal_of(request)
-    check_reach(principal, body.robots)
+    check_silence_scope(principal, body.robots)
     made = await services.alerts.add_silence(
         robots=tuple(body.robots),
         causes=tuple(body.causes),
@@ -62,16 +62,16 @@ async def add_silence(request: Request) -> Response:
 
 @router.delete(
     "/{silence_id}",
-    dependencies=[allow("alerts.handle")],
-    responses={200: {"model": models_alerts.Silence}, **PROBLEMS},
+    dependencies=[require_permission("alerts.handle")],
+    responses={200: {"model": alerts.Silence}, **PROBLEMS},
 )
 async def end_silence(request: Request, silence_id: str) -> Response:
     """End it now."""
-    desk, principal = services_of(request).alerts, principal_of(request)
-    found = await desk.get_silence(silence_id)
+    manager, principal = services_of(request).alerts, principal_of(request)
+    found = await manager.get_silence(silence_id)
     if not sees_silence(principal, found):
         raise UnknownSilenceError.of(silence_id)
-    check_reach(principal, found.robots)
-    ended = await desk.end_silence(found.id, by=principal.name)
+    check_silence_scope(principal, found.robots)
+    ended = await manager.end_silence(found.id, by=principal.name)
     note(request, detail=ended.id)
     return JsonResponse(silence_view(ended))

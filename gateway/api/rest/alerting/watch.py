@@ -8,15 +8,15 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_watch
-from gateway.api.allow import allow
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.models import common, watch
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.ranges import parse_range
 from gateway.api.services import services_of
-from gateway.api.views_alerts import point_view, series_watch_view
+from gateway.api.views.alerts import point_view, series_watch_view
 
 __all__ = ["router"]
 
@@ -28,8 +28,8 @@ router = api_router("/api/v1/robots/{robot_id}/watch", tags=["alerts"])
 
 @router.get(
     "",
-    dependencies=[allow("alerts.read")],
-    responses={200: {"model": models_watch.Watch}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("alerts.read")],
+    responses={200: {"model": watch.Watch}, 404: {"model": common.Problem}},
 )
 async def get_watch(request: Request, robot_id: str, window: Paged) -> Response:
     """The robot's series by name: which are learned still, and how odd each is now."""
@@ -37,14 +37,14 @@ async def get_watch(request: Request, robot_id: str, window: Paged) -> Response:
     services.registry.get(robot_id)
     found = await services.watch.learning(robot_id)
     return listing(
-        "series", found, series_watch_view, model=models_watch.SeriesWatch, key=lambda one: one.series, window=window
+        "series", found, series_watch_view, model=watch.SeriesWatch, key=lambda one: one.series, window=window
     )
 
 
 @router.get(
     "/band",
-    dependencies=[allow("alerts.read")],
-    responses={200: {"model": models_watch.Band}, **PROBLEMS},
+    dependencies=[require_permission("alerts.read")],
+    responses={200: {"model": watch.Band}, **PROBLEMS},
 )
 async def get_band(
     request: Request,

@@ -8,15 +8,15 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_dead_letters as m
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.models import dead_letters as m
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
-from gateway.api.views_functions import dead_letter_view
-from gateway.domain.delivery import DEAD, DeadFilter, Delivery
+from gateway.api.views.functions import dead_letter_view
+from gateway.domain.automation.delivery import DEAD, DeadFilter, Delivery
 from gateway.domain.errors import UnknownDeadLetterError
 from gateway.errors import InvalidRequestError
 
@@ -32,7 +32,9 @@ Ids = Annotated[list[Annotated[str, Query(max_length=64)]] | None, Query(max_len
 router = api_router("/api/v1/dead-letters", tags=["dead letters"])
 
 
-@router.get("", dependencies=[allow("dead_letters.read")], responses={200: {"model": m.DeadLetterList}, **PROBLEMS})
+@router.get(
+    "", dependencies=[require_permission("dead_letters.read")], responses={200: {"model": m.DeadLetterList}, **PROBLEMS}
+)
 async def list_dead_letters(
     request: Request,
     kind: Kind = "",
@@ -53,7 +55,9 @@ async def list_dead_letters(
 
 
 @router.get(
-    "/{letter_id}", dependencies=[allow("dead_letters.read")], responses={200: {"model": m.DeadLetter}, **PROBLEMS}
+    "/{letter_id}",
+    dependencies=[require_permission("dead_letters.read")],
+    responses={200: {"model": m.DeadLetter}, **PROBLEMS},
 )
 async def get_dead_letter(request: Request, letter_id: str) -> Response:
     """One, with what its target would have got."""
@@ -62,7 +66,7 @@ async def get_dead_letter(request: Request, letter_id: str) -> Response:
 
 @router.post(
     "/redrive",
-    dependencies=[allow("dead_letters.write")],
+    dependencies=[require_permission("dead_letters.write")],
     responses={200: {"model": m.Redriven}, **PROBLEMS},
     openapi_extra=body_document(m.Redrive),
 )
@@ -75,7 +79,9 @@ async def redrive(request: Request) -> Response:
     return JsonResponse({"redriven": count})
 
 
-@router.delete("", dependencies=[allow("dead_letters.write")], responses={200: {"model": m.Dropped}, **PROBLEMS})
+@router.delete(
+    "", dependencies=[require_permission("dead_letters.write")], responses={200: {"model": m.Dropped}, **PROBLEMS}
+)
 async def drop_dead_letters(
     request: Request,
     ids: Ids = None,

@@ -8,18 +8,18 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_events
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
+from gateway.api.models import events as models_events
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.sse import EVENT_STREAM, HEADERS, EventPieces, server_event
 from gateway.api.services import services_of
-from gateway.domain.event import EventFilter, EventPage
+from gateway.automation.events.cloud import TYPE_PREFIX, cloud_event
+from gateway.domain.automation.event import EventFilter, EventPage
 from gateway.errors import InvalidRequestError
-from gateway.events.cloud import TYPE_PREFIX, cloud_event
 
 __all__ = ["router"]
 
@@ -36,7 +36,7 @@ router = api_router("/api/v1/events", tags=["events"])
 
 @router.get(
     "",
-    dependencies=[allow("events.read")],
+    dependencies=[require_permission("events.read")],
     responses={200: {"model": models_events.EventList, "content": {EVENT_STREAM: {}}}, **PROBLEMS},
 )
 async def list_events(

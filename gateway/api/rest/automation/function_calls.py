@@ -13,21 +13,21 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_functions as m
-from gateway.api.allow import allow, principal_of, require_all
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_all_robots, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.models import functions as m
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.sse import EVENT_STREAM, HEADERS, EventPieces, server_event
 from gateway.api.services import services_of
-from gateway.api.views_functions import invocation_view, invoked_view, line_view
-from gateway.domain.invocation import ROBOT, InvocationFilter
+from gateway.api.views.functions import invocation_view, invoked_view, line_view
+from gateway.automation.functions.errors import PayloadInvalidError
+from gateway.automation.functions.logs import LogLine
+from gateway.domain.automation.invocation import ROBOT, InvocationFilter
 from gateway.errors import InvalidRequestError, TooManyRequestsError
-from gateway.functions.errors import PayloadInvalidError
-from gateway.functions.logs import LogLine
-from metaros.functions.faults import ThrottledError
+from metaros.automation.functions.errors import ThrottledError
 
 __all__ = ["router"]
 
@@ -47,7 +47,7 @@ router = api_router("/api/v1", tags=["functions"])
 
 @router.post(
     "/functions/{name}/invoke",
-    dependencies=[allow("functions.invoke")],
+    dependencies=[require_permission("functions.invoke")],
     responses={200: {"model": m.Invoked}, 202: {"model": m.Invoked}, **PROBLEMS},
     openapi_extra=JSON_BODY,
 )
@@ -77,7 +77,7 @@ async def invoke_function(request: Request, name: str, qualifier: Qualifier = ""
 
 @router.get(
     "/functions/{name}/invocations",
-    dependencies=[allow("functions.read")],
+    dependencies=[require_permission("functions.read")],
     responses={200: {"model": m.InvocationList}, **PROBLEMS},
 )
 async def list_invocations(
@@ -104,7 +104,7 @@ async def list_invocations(
 
 @router.get(
     "/functions/{name}/logs",
-    dependencies=[allow("functions.read")],
+    dependencies=[require_permission("functions.read")],
     responses={200: {"model": m.FunctionLogPage, "content": {EVENT_STREAM: {}}}, **PROBLEMS},
 )
 async def get_logs(
@@ -117,7 +117,7 @@ async def get_logs(
     """What a function printed: the newest lines that this gateway has in memory; with `Accept: text/event-stream` what
     follows. Lines tell of any robot: they are for who sees them all.
     """
-    require_all(request, "logs of functions")
+    require_all_robots(request, "logs of functions")
     functions = services_of(request).functions
     functions.catalogue.resolve(name)
     if EVENT_STREAM not in request.headers.get("accept", ""):
@@ -128,7 +128,9 @@ async def get_logs(
     return DownloadResponse(request, pieces, what="a live log", media_type=EVENT_STREAM, headers=HEADERS)
 
 
-@router.get("/functions-runtime", dependencies=[allow("functions.read")], responses={200: {"model": m.Runtime}})
+@router.get(
+    "/functions-runtime", dependencies=[require_permission("functions.read")], responses={200: {"model": m.Runtime}}
+)
 async def get_runtime(request: Request) -> Response:
     """Where functions run here: the sandbox and why it is no stronger, workers, what they run on."""
     functions = services_of(request).functions

@@ -11,18 +11,18 @@ from fastapi import Query
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
-from gateway.api import models_functions as m
-from gateway.api.allow import allow, require_all
-from gateway.api.audited import note
-from gateway.api.function_book import detail
-from gateway.api.guard import UPLOAD_TYPE
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_all_robots, require_permission
+from gateway.api.function_details import detail
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.middleware.guard import UPLOAD_TYPE
+from gateway.api.models import functions as m
 from gateway.api.problem import JsonResponse
+from gateway.api.rest.automation.functions import deploy
 from gateway.api.rest.bodies import PROBLEMS
-from gateway.api.rest.functions import deploy
 from gateway.api.services import services_of
+from gateway.automation.functions.errors import UnknownFunctionError
 from gateway.errors import MediaTypeError, RequestTimeoutError
-from gateway.functions.errors import UnknownFunctionError
 from metaros.limits import LIMITS
 
 __all__ = ["router"]
@@ -35,7 +35,7 @@ ZIP: dict[str, Any] = {
 router = api_router("/api/v1/functions/{name}/code", tags=["functions"])
 
 
-@router.get("", dependencies=[allow("functions.read")], responses={200: {"model": m.Code}, **PROBLEMS})
+@router.get("", dependencies=[require_permission("functions.read")], responses={200: {"model": m.Code}, **PROBLEMS})
 async def list_code(request: Request, name: str, version: Version = "$LATEST") -> Response:
     """The files of a version's code."""
     folder, number = await _folder(request, name, version)
@@ -43,7 +43,9 @@ async def list_code(request: Request, name: str, version: Version = "$LATEST") -
     return JsonResponse({"version": number, "files": files, "truncated": truncated})
 
 
-@router.get("/text", dependencies=[allow("functions.read")], responses={200: {"model": m.CodeText}, **PROBLEMS})
+@router.get(
+    "/text", dependencies=[require_permission("functions.read")], responses={200: {"model": m.CodeText}, **PROBLEMS}
+)
 async def get_code(
     request: Request,
     name: str,
@@ -60,7 +62,7 @@ async def get_code(
 
 @router.put(
     "",
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={200: {"model": m.FunctionDetail}, 201: {"model": m.FunctionDetail}, **PROBLEMS},
     openapi_extra=ZIP,
 )
@@ -73,7 +75,7 @@ async def put_code(
     alias: Annotated[str, Query(max_length=128, description="leads to the new version")] = "",
 ) -> Response:
     """Take in a zip file as the function's code."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != UPLOAD_TYPE:
         raise MediaTypeError(f"code has Content-Type {UPLOAD_TYPE}")
     services = services_of(request)

@@ -13,19 +13,19 @@ from pydantic import ValidationError
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_functions as m
-from gateway.api.allow import allow, principal_of, require_all
-from gateway.api.audited import note
-from gateway.api.function_book import describe, detail
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_all_robots, require_permission
+from gateway.api.function_details import describe, detail
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import After, ListLimit
+from gateway.api.middleware.audited import note
+from gateway.api.models import functions as m
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import Services, services_of
-from gateway.api.views_functions import alias_view, canary_view, version_view
-from gateway.domain.canary import Canary
+from gateway.api.views.functions import alias_view, canary_view, version_view
+from gateway.automation.functions.errors import FunctionInvalidError, NoProvisionedError, UnknownFunctionError
+from gateway.domain.automation.canary import Canary
 from gateway.errors import InvalidRequestError
-from gateway.functions.errors import FunctionInvalidError, NoProvisionedError, UnknownFunctionError
 from gateway.identity.permissions import permission
 
 __all__ = ["deploy", "router"]
@@ -39,7 +39,7 @@ ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": m.FunctionDetail}, **
 router = api_router("/api/v1/functions", tags=["functions"])
 
 
-@router.get("", dependencies=[allow("functions.read")], responses={200: {"model": m.FunctionList}})
+@router.get("", dependencies=[require_permission("functions.read")], responses={200: {"model": m.FunctionList}})
 async def list_functions(
     request: Request, q: Search = "", window_s: Window = WINDOW_S, limit: ListLimit = 100, after: After = ""
 ) -> Response:
@@ -50,7 +50,7 @@ async def list_functions(
     return JsonResponse({"functions": page, "next": names[limit - 1] if len(names) > limit else None})
 
 
-@router.get("/{name}", dependencies=[allow("functions.read")], responses=ANSWERS)
+@router.get("/{name}", dependencies=[require_permission("functions.read")], responses=ANSWERS)
 async def get_function(request: Request, name: str, window_s: Window = WINDOW_S) -> Response:
     """One function, with all that belongs to it."""
     return await _answer(request, name, window_s=window_s)
@@ -58,13 +58,13 @@ async def get_function(request: Request, name: str, window_s: Window = WINDOW_S)
 
 @router.put(
     "/{name}",
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={201: {"model": m.FunctionDetail}, **ANSWERS},
     openapi_extra=body_document(m.Deploy),
 )
 async def put_function(request: Request, name: str) -> Response:
     """Make a function, or change what the body names of it."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     raw = await request.body()
     body, code = await asyncio.to_thread(_deployed, raw)  # tens of megabytes of base64 take their time
     made = await deploy(services_of(request), name, body, code)
@@ -72,10 +72,10 @@ async def put_function(request: Request, name: str) -> Response:
     return await _answer(request, name, status_code=201 if made else 200)
 
 
-@router.delete("/{name}", status_code=204, dependencies=[allow("functions.write")], responses={**PROBLEMS})
+@router.delete("/{name}", status_code=204, dependencies=[require_permission("functions.write")], responses={**PROBLEMS})
 async def delete_function(request: Request, name: str) -> Response:
     """Delete a function with its versions and aliases; events for it become dead letters."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     await services_of(request).functions.catalogue.do("DeleteFunction", {"FunctionName": name})
     note(request, detail=name)
     return Response(status_code=204)
@@ -84,13 +84,13 @@ async def delete_function(request: Request, name: str) -> Response:
 @router.post(
     "/{name}/versions",
     status_code=201,
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={201: {"model": m.PublishedVersion}, **PROBLEMS},
     openapi_extra=body_document(m.Publish),
 )
 async def publish_version(request: Request, name: str) -> Response:
     """Make a version of what `$LATEST` is; the one that there is, where nothing changed since."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     body = await read_body(request, m.Publish)
     asked = {"FunctionName": name, **({"Description": body.description} if body.description else {})}
     made = await services_of(request).functions.catalogue.do("PublishVersion", asked)
@@ -100,13 +100,13 @@ async def publish_version(request: Request, name: str) -> Response:
 
 @router.put(
     "/{name}/aliases/{alias}",
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={200: {"model": m.Alias}, **PROBLEMS},
     openapi_extra=body_document(m.AliasRequest),
 )
 async def put_alias(request: Request, name: str, alias: str) -> Response:
     """Let a name lead to a version, and maybe to another one now and then."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     body = await read_body(request, m.AliasRequest)
     made = await _lead(services_of(request), name, alias, body)
     note(request, detail=f"{name}:{alias} to {body.version}")
@@ -114,11 +114,14 @@ async def put_alias(request: Request, name: str, alias: str) -> Response:
 
 
 @router.delete(
-    "/{name}/aliases/{alias}", status_code=204, dependencies=[allow("functions.write")], responses={**PROBLEMS}
+    "/{name}/aliases/{alias}",
+    status_code=204,
+    dependencies=[require_permission("functions.write")],
+    responses={**PROBLEMS},
 )
 async def delete_alias(request: Request, name: str, alias: str) -> Response:
     """Delete an alias."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     await services_of(request).functions.catalogue.do("DeleteAlias", {"FunctionName": name, "Name": alias})
     note(request, detail=f"{name}:{alias}")
     return Response(status_code=204)
@@ -126,13 +129,13 @@ async def delete_alias(request: Request, name: str, alias: str) -> Response:
 
 @router.put(
     "/{name}/aliases/{alias}/canary",
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={200: {"model": m.Canary}, **PROBLEMS},
     openapi_extra=body_document(m.CanaryRequest),
 )
 async def put_canary(request: Request, name: str, alias: str) -> Response:
     """Let an alias lead to a new version now and then; it is rolled back by itself where too many calls fail."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     body = await read_body(request, m.CanaryRequest)
     by = principal_of(request).name
     asked = Canary(function=name, alias=alias, stable="", by=by, **body.model_dump())
@@ -143,12 +146,12 @@ async def put_canary(request: Request, name: str, alias: str) -> Response:
 
 @router.delete(
     "/{name}/aliases/{alias}/canary",
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={200: {"model": m.Canary}, **PROBLEMS},
 )
 async def cancel_canary(request: Request, name: str, alias: str) -> Response:
     """Back to the version that the alias had before."""
-    require_all(request, "functions")
+    require_all_robots(request, "functions")
     ended = await services_of(request).functions.canaries.cancel(name, alias, by=principal_of(request).name)
     note(request, detail=f"{name}:{alias} back at {ended.stable}")
     return JsonResponse(canary_view(ended))

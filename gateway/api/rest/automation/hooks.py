@@ -1,22 +1,22 @@
-"""Hooks: doors for others' webhooks, and what comes in by them."""
+"""Hooks: endpoints for others' webhooks, and what they received."""
 
 from __future__ import annotations
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_rules as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
-from gateway.api.models import Problem
-from gateway.api.models_identity import Nothing
+from gateway.api.middleware.audited import note
+from gateway.api.models import rules as models
+from gateway.api.models.common import Problem
+from gateway.api.models.identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
-from gateway.api.rule_reach import seen_hook, sees_hook
+from gateway.api.rule_scope import seen_hook, sees_hook
 from gateway.api.services import services_of
-from gateway.api.views_rules import hook_view
+from gateway.api.views.rules import hook_view
 
 __all__ = ["router"]
 
@@ -24,7 +24,7 @@ router = api_router("/api/v1/hooks", tags=["rules"])
 NO_STORE = {"Cache-Control": "no-store"}
 
 
-@router.get("", dependencies=[allow("rules.read")], responses={200: {"model": models.HookList}})
+@router.get("", dependencies=[require_permission("rules.read")], responses={200: {"model": models.HookList}})
 async def list_hooks(request: Request, window: Paged) -> Response:
     """Every hook in one's scope, by name."""
     principal = principal_of(request)
@@ -35,7 +35,7 @@ async def list_hooks(request: Request, window: Paged) -> Response:
 @router.post(
     "",
     status_code=201,
-    dependencies=[allow("rules.write")],
+    dependencies=[require_permission("rules.write")],
     responses={201: {"model": models.HookMade}, **PROBLEMS},
     openapi_extra=body_document(models.HookRequest),
 )
@@ -49,7 +49,7 @@ async def make_hook(request: Request) -> Response:
     return JsonResponse({**hook_view(hook), "secret": secret}, status_code=201, headers=NO_STORE)
 
 
-@router.delete("/{hook}", status_code=204, dependencies=[allow("rules.write")], responses=PROBLEMS)
+@router.delete("/{hook}", status_code=204, dependencies=[require_permission("rules.write")], responses=PROBLEMS)
 async def delete_hook(request: Request, hook: str) -> Response:
     """Take a hook away: nothing comes in by it any more."""
     found = await seen_hook(request, hook)
@@ -60,7 +60,7 @@ async def delete_hook(request: Request, hook: str) -> Response:
 
 @router.post(
     "/{hook}/rotate",
-    dependencies=[allow("rules.write")],
+    dependencies=[require_permission("rules.write")],
     responses={200: {"model": models.HookSecret}, **PROBLEMS},
     openapi_extra=body_document(Nothing),
 )
@@ -76,7 +76,7 @@ async def rotate_hook(request: Request, hook: str) -> Response:
 @router.post(
     "/{hook}",
     status_code=202,
-    dependencies=[allow("hooks.post")],
+    dependencies=[require_permission("hooks.post")],
     responses={202: {"model": models.Received}, 401: {"model": Problem}, 429: {"model": Problem}, **PROBLEMS},
     openapi_extra=body_document(models.Anything),
 )

@@ -7,21 +7,21 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_dead_letters as m
-from gateway.api.allow import allow, require_all
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_all_robots, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.models import dead_letters as m
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
-from gateway.domain.command import new_command_id
+from gateway.api.views.robots import rfc3339
+from gateway.automation.functions.replays import Replayer
+from gateway.domain.automation.gateway_event import Replay, Span
 from gateway.domain.errors import UnknownReplayError
-from gateway.domain.happening import Replay, Span
+from gateway.domain.fleet.command import new_command_id
 from gateway.errors import InvalidRequestError
-from gateway.functions.replays import Replayer
-from metaros.rules.errors import PatternError
+from metaros.automation.rules.errors import PatternError
 
 __all__ = ["router"]
 
@@ -31,13 +31,13 @@ router = api_router("/api/v1", tags=["functions"])
 @router.post(
     "/functions/{name}/replay",
     status_code=202,
-    dependencies=[allow("functions.write")],
+    dependencies=[require_permission("functions.write")],
     responses={202: {"model": m.Replay}, **PROBLEMS},
     openapi_extra=body_document(m.ReplayRequest),
 )
 async def replay_function(request: Request, name: str) -> Response:
     """Give a function what happened in a span once more, each happening once."""
-    require_all(request, "replays")
+    require_all_robots(request, "replays")
     body = await read_body(request, m.ReplayRequest)
     services = services_of(request)
     now_ns = services.clock.wall_ns()
@@ -59,14 +59,16 @@ async def replay_function(request: Request, name: str) -> Response:
     return JsonResponse(_view(begun), status_code=202, headers=headers)
 
 
-@router.get("/replays", dependencies=[allow("functions.read")], responses={200: {"model": m.ReplayList}})
+@router.get("/replays", dependencies=[require_permission("functions.read")], responses={200: {"model": m.ReplayList}})
 async def list_replays(request: Request) -> Response:
     """Those under way, then the newest that ended."""
     return JsonResponse({"replays": [_view(item) for item in await services_of(request).queue.replays()]})
 
 
 @router.get(
-    "/replays/{replay_id}", dependencies=[allow("functions.read")], responses={200: {"model": m.Replay}, **PROBLEMS}
+    "/replays/{replay_id}",
+    dependencies=[require_permission("functions.read")],
+    responses={200: {"model": m.Replay}, **PROBLEMS},
 )
 async def get_replay(request: Request, replay_id: str) -> Response:
     """How far one is."""
@@ -74,11 +76,13 @@ async def get_replay(request: Request, replay_id: str) -> Response:
 
 
 @router.delete(
-    "/replays/{replay_id}", dependencies=[allow("functions.write")], responses={200: {"model": m.Replay}, **PROBLEMS}
+    "/replays/{replay_id}",
+    dependencies=[require_permission("functions.write")],
+    responses={200: {"model": m.Replay}, **PROBLEMS},
 )
 async def stop_replay(request: Request, replay_id: str) -> Response:
     """End one; what it put is delivered all the same."""
-    require_all(request, "replays")
+    require_all_robots(request, "replays")
     await _found(request, replay_id)
     await services_of(request).queue.stop_replay(replay_id)
     note(request, detail=replay_id)

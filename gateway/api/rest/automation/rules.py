@@ -10,28 +10,28 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_rules as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
-from gateway.api.models_identity import Nothing
+from gateway.api.middleware.audited import note
+from gateway.api.models import rules as models
+from gateway.api.models.identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.fleet.twin import PRECONDITIONS
 from gateway.api.rest.ranges import parse_range
-from gateway.api.rest.twin import PRECONDITIONS
-from gateway.api.rule_reach import check_targets, seen_rule, sees_rule
+from gateway.api.rule_scope import check_targets, seen_rule, sees_rule
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
-from gateway.api.views_rules import dry_run_view, entry_view, rule_view, schedule_view
-from gateway.domain.rule import Maker, StoredRule
+from gateway.api.views.robots import rfc3339
+from gateway.api.views.rules import dry_run_view, entry_view, rule_view, schedule_view
+from gateway.automation.rules.document import read_stored
+from gateway.automation.rules.errors import RuleInvalidError, UnknownTargetError
+from gateway.automation.rules.rule import Rule
+from gateway.automation.rules.secrets import target_owner
+from gateway.domain.automation.rule import Maker, StoredRule
 from gateway.errors import InvalidRequestError
 from gateway.identity.permissions import permission
-from gateway.rules.document import read_stored
-from gateway.rules.errors import RuleInvalidError, UnknownTargetError
-from gateway.rules.rule import Rule
-from gateway.rules.secrets import target_owner
-from metaros.rules.schedule import Schedule
+from metaros.automation.rules.schedule import Schedule
 
 __all__ = ["router"]
 
@@ -44,18 +44,22 @@ Before = Annotated[int | None, Query(ge=0, description="the `next` of the page b
 router = api_router("/api/v1", tags=["rules"])
 
 
-@router.get("/rules", dependencies=[allow("rules.read")], responses={200: {"model": models.RuleList}})
+@router.get("/rules", dependencies=[require_permission("rules.read")], responses={200: {"model": models.RuleList}})
 async def list_rules(request: Request, window: Paged, q: Text = "") -> Response:
     """Every rule that reaches no robot out of one's scope, by name."""
-    book, principal = services_of(request).rules.book, principal_of(request)
-    found = [one for one in book.stored() if sees_rule(principal, one) and q in one.document]
+    registry, principal = services_of(request).rules.registry, principal_of(request)
+    found = [one for one in registry.stored() if sees_rule(principal, one) and q in one.document]
     views = await _views(request, found)
     return listing(
         "rules", found, lambda one: views[one.name], model=models.Rule, key=lambda one: one.name, window=window
     )
 
 
-@router.get("/rules/{name}", dependencies=[allow("rules.read")], responses={200: {"model": models.Rule}, **PROBLEMS})
+@router.get(
+    "/rules/{name}",
+    dependencies=[require_permission("rules.read")],
+    responses={200: {"model": models.Rule}, **PROBLEMS},
+)
 async def get_rule(request: Request, name: str) -> Response:
     """One rule."""
     return await _answer(request, seen_rule(request, name))
@@ -63,7 +67,7 @@ async def get_rule(request: Request, name: str) -> Response:
 
 @router.put(
     "/rules/{name}",
-    dependencies=[allow(WRITE)],
+    dependencies=[require_permission(WRITE)],
     responses={200: {"model": models.Rule}, 201: {"model": models.Rule}, **PRECONDITIONS},
     openapi_extra=body_document(models.RuleDocument),
 )
@@ -72,19 +76,19 @@ async def put_rule(request: Request, name: str) -> Response:
     body = await read_body(request, models.RuleDocument)
     if body.name != name:
         raise RuleInvalidError("name", f"the path says {name[:64]!r}")
-    book, principal = services_of(request).rules.book, principal_of(request)
+    registry, principal = services_of(request).rules.registry, principal_of(request)
     maker, document = Maker.of(principal), body.model_dump(exclude_unset=True)
-    if name in {one.name for one in book.stored()}:
+    if name in {one.name for one in registry.stored()}:
         seen_rule(request, name)
-    check_targets(principal, await asyncio.to_thread(book.check, document, maker))
-    stored, new = await book.put(document, maker=maker, expected=_expected(request))
+    check_targets(principal, await asyncio.to_thread(registry.check, document, maker))
+    stored, new = await registry.put(document, maker=maker, expected=_expected(request))
     note(request, detail=f"{stored.name} {'created' if new else 'changed'}, revision {stored.revision}")
     return await _answer(request, stored, status=201 if new else 200)
 
 
 @router.patch(
     "/rules/{name}",
-    dependencies=[allow(WRITE)],
+    dependencies=[require_permission(WRITE)],
     responses={200: {"model": models.Rule}, **PRECONDITIONS},
     openapi_extra=body_document(models.RulePatch),
 )
@@ -92,28 +96,28 @@ async def patch_rule(request: Request, name: str) -> Response:
     """Change some of a rule's fields (JSON Merge Patch): it is its changer's from then on."""
     body = await read_body(request, models.RulePatch)
     seen_rule(request, name)
-    book, principal = services_of(request).rules.book, principal_of(request)
+    registry, principal = services_of(request).rules.registry, principal_of(request)
     maker = Maker.of(principal)
     patch = body.model_dump()
-    check_targets(principal, await asyncio.to_thread(book.merged, name, patch, maker))
-    stored = await book.merge(name, patch, maker=maker, expected=_expected(request))
+    check_targets(principal, await asyncio.to_thread(registry.merged, name, patch, maker))
+    stored = await registry.merge(name, patch, maker=maker, expected=_expected(request))
     note(request, detail=f"{stored.name} changed, revision {stored.revision}")
     return await _answer(request, stored)
 
 
-@router.delete("/rules/{name}", dependencies=[allow(WRITE)], status_code=204, responses=PRECONDITIONS)
+@router.delete("/rules/{name}", dependencies=[require_permission(WRITE)], status_code=204, responses=PRECONDITIONS)
 async def delete_rule(request: Request, name: str) -> Response:
     """Take a rule away. What it set off is delivered all the same."""
     seen_rule(request, name)
     principal = principal_of(request)
-    await services_of(request).rules.book.remove(name, by=principal.name, expected=_expected(request))
+    await services_of(request).rules.registry.remove(name, by=principal.name, expected=_expected(request))
     note(request, detail=name)
     return Response(status_code=204)
 
 
 @router.post(
     "/rules/{name}/enable",
-    dependencies=[allow(WRITE)],
+    dependencies=[require_permission(WRITE)],
     responses={200: {"model": models.Rule}, **PROBLEMS},
     openapi_extra=body_document(Nothing),
 )
@@ -125,7 +129,7 @@ async def enable_rule(request: Request, name: str) -> Response:
 
 @router.post(
     "/rules/{name}/disable",
-    dependencies=[allow(WRITE)],
+    dependencies=[require_permission(WRITE)],
     responses={200: {"model": models.Rule}, **PROBLEMS},
     openapi_extra=body_document(Nothing),
 )
@@ -137,13 +141,13 @@ async def disable_rule(request: Request, name: str) -> Response:
 
 @router.get(
     "/rules/{name}/history",
-    dependencies=[allow("rules.read")],
+    dependencies=[require_permission("rules.read")],
     responses={200: {"model": models.RuleHistory}, **PROBLEMS},
 )
 async def get_rule_history(request: Request, name: str, limit: Count = 20, before: Before = None) -> Response:
     """Who changed a rule, and how, the newest first."""
     seen_rule(request, name)
-    entries = await services_of(request).rules.book.history(name, limit=limit + 1, before=before)
+    entries = await services_of(request).rules.registry.history(name, limit=limit + 1, before=before)
     whole = _whole(request)
     following = entries[limit - 1].revision if len(entries) > limit else None
     return JsonResponse({"entries": [entry_view(one, whole=whole) for one in entries[:limit]], "next": following})
@@ -151,7 +155,7 @@ async def get_rule_history(request: Request, name: str, limit: Count = 20, befor
 
 @router.post(
     "/rules/{name}/targets/{target}/secret",
-    dependencies=[allow(WRITE)],
+    dependencies=[require_permission(WRITE)],
     responses={200: {"model": models.HookSecret}, **PROBLEMS},
     openapi_extra=body_document(Nothing),
 )
@@ -168,7 +172,7 @@ async def make_target_secret(request: Request, name: str, target: str) -> Respon
 
 @router.post(
     "/rules/check",
-    dependencies=[allow("rules.read")],
+    dependencies=[require_permission("rules.read")],
     responses={200: {"model": models.RuleChecked}, **PROBLEMS},
     openapi_extra=body_document(models.RulePatch),
 )
@@ -177,7 +181,7 @@ async def check_rule(request: Request) -> Response:
     body = await read_body(request, models.RulePatch)
     maker = Maker.of(principal_of(request))
     try:
-        await asyncio.to_thread(services_of(request).rules.book.check, body.model_dump(), maker)
+        await asyncio.to_thread(services_of(request).rules.registry.check, body.model_dump(), maker)
     except RuleInvalidError as error:
         return JsonResponse({"ok": False, "faults": [{"path": error.path, "message": error.fault}]})
     return JsonResponse({"ok": True, "faults": []})
@@ -185,7 +189,7 @@ async def check_rule(request: Request) -> Response:
 
 @router.post(
     "/rules/dry-run",
-    dependencies=[allow("rules.read")],
+    dependencies=[require_permission("rules.read")],
     responses={200: {"model": models.DryRunResult}, **PROBLEMS},
     openapi_extra=body_document(models.DryRunRequest),
 )
@@ -199,13 +203,15 @@ async def dry_run(request: Request) -> Response:
     return JsonResponse(await asyncio.to_thread(dry_run_view, done))
 
 
-@router.get("/schedules", dependencies=[allow("rules.read")], responses={200: {"model": models.ScheduleList}})
+@router.get(
+    "/schedules", dependencies=[require_permission("rules.read")], responses={200: {"model": models.ScheduleList}}
+)
 async def list_schedules(request: Request, window: Paged) -> Response:
     """When rules fire by themselves."""
     rules, principal = services_of(request).rules, principal_of(request)
-    seen = {one.name for one in rules.book.stored() if sees_rule(principal, one)}
-    found = [rule for rule in rules.book.rules() if rule.schedule is not None and rule.name in seen]
-    fires = await rules.clockwork.next_fires()
+    seen = {one.name for one in rules.registry.stored() if sees_rule(principal, one)}
+    found = [rule for rule in rules.registry.rules() if rule.schedule is not None and rule.name in seen]
+    fires = await rules.scheduler.next_fires()
     return listing(
         "schedules",
         found,
@@ -218,7 +224,7 @@ async def list_schedules(request: Request, window: Paged) -> Response:
 
 @router.post(
     "/schedules/preview",
-    dependencies=[allow("rules.read")],
+    dependencies=[require_permission("rules.read")],
     responses={200: {"model": models.ScheduleTimes}, **PROBLEMS},
     openapi_extra=body_document(models.SchedulePreview),
 )
@@ -245,16 +251,16 @@ async def _tried(request: Request, body: models.DryRunRequest) -> Rule:
         raise InvalidRequestError("a dry run is of a name, or of a rule's document")
     maker = Maker.of(principal_of(request))
     if body.rule is not None:
-        return await asyncio.to_thread(services_of(request).rules.book.check, body.rule, maker)
+        return await asyncio.to_thread(services_of(request).rules.registry.check, body.rule, maker)
     return await asyncio.to_thread(
-        services_of(request).rules.book.merged, seen_rule(request, body.name).name, {}, maker
+        services_of(request).rules.registry.merged, seen_rule(request, body.name).name, {}, maker
     )
 
 
 async def _turn(request: Request, name: str, enabled: bool) -> Response:
     seen_rule(request, name)
     by = principal_of(request).name
-    stored = await services_of(request).rules.book.enable(name, enabled, by=by)
+    stored = await services_of(request).rules.registry.enable(name, enabled, by=by)
     note(request, detail=f"{name} {'enabled' if enabled else 'disabled'}")
     return await _answer(request, stored)
 
@@ -266,8 +272,8 @@ async def _answer(request: Request, stored: StoredRule, *, status: int = 200) ->
 
 async def _views(request: Request, found: list[StoredRule]) -> dict[str, dict[str, Any]]:
     rules, whole = services_of(request).rules, _whole(request)
-    stats = await rules.book.stats([one.name for one in found])
-    fires = await rules.clockwork.next_fires()
+    stats = await rules.registry.stats([one.name for one in found])
+    fires = await rules.scheduler.next_fires()
     return {one.name: rule_view(one, *stats[one.name], fires.get(one.name), whole=whole) for one in found}
 
 

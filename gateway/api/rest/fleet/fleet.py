@@ -10,21 +10,21 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_fleet, models_twin
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.audited import note
+from gateway.api.models import fleet, twin
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.fleet.twin import DryRun, Reason, Select, editor_of
 from gateway.api.rest.ranges import Topics, chosen_topics
-from gateway.api.rest.twin import DryRun, Reason, Select, editor_of
 from gateway.api.services import services_of
-from gateway.api.snapshot import heard, stored
-from gateway.api.views import rfc3339
-from gateway.api.views_twin import outcomes_view
-from gateway.domain.selector import Selector, check_labels
-from gateway.fleet.twin_plan import Edit
+from gateway.api.snapshot import collect_live, newest_stored
+from gateway.api.views.robots import rfc3339
+from gateway.api.views.twin import outcomes_view
+from gateway.domain.fleet.selector import Selector, check_labels
+from gateway.fleet.twins.plan import Edit
 
 __all__ = ["router"]
 
@@ -34,7 +34,7 @@ LOOKED_AT_ONCE = 500  # robots that are counted before others get to do somethin
 router = api_router("/api/v1", tags=["robots"])
 
 
-@router.get("/groups", dependencies=[allow("robots.read")], responses={200: {"model": models_fleet.GroupList}})
+@router.get("/groups", dependencies=[require_permission("robots.read")], responses={200: {"model": fleet.GroupList}})
 async def list_groups(
     request: Request,
     window: Paged,
@@ -59,22 +59,22 @@ async def list_groups(
         counts = {"robots": robots[pair], "online": online[pair]}
         return {"label": name, "value": value, "selector": f"{name}={value}" if value else name, **counts}
 
-    return listing("groups", sorted(robots), view, model=models_fleet.Group, key="=".join, window=window)
+    return listing("groups", sorted(robots), view, model=fleet.Group, key="=".join, window=window)
 
 
 @router.patch(
     "/groups",
-    dependencies=[allow("twin.write")],
-    responses={200: {"model": models_twin.TwinsChange}, **PROBLEMS},
-    openapi_extra=body_document(models_twin.LabelsChange),
+    dependencies=[require_permission("twin.write")],
+    responses={200: {"model": twin.TwinsChange}, **PROBLEMS},
+    openapi_extra=body_document(twin.LabelsChange),
 )
 async def label_group(request: Request, selector: Select, dry_run: DryRun = False, reason: Reason = "") -> Response:
     """Give every robot that the selector names labels; null takes one away. All of them, or none."""
-    body = await read_body(request, models_twin.LabelsChange)
+    body = await read_body(request, twin.LabelsChange)
     wanted = Selector.parse(selector)
     check_labels(body.labels)
     editor = editor_of(request, reason=reason or "labels", window=None)
-    outcomes = await services_of(request).twins.desk.edit_many(
+    outcomes = await services_of(request).twins.manager.edit_many(
         wanted, Edit(labels=body.labels), editor, sees=principal_of(request).sees, dry_run=dry_run
     )
     view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
@@ -84,8 +84,8 @@ async def label_group(request: Request, selector: Select, dry_run: DryRun = Fals
 
 @router.get(
     "/robots/{robot_id}/snapshot",
-    dependencies=[allow("telemetry.read")],
-    responses={200: {"model": models_fleet.Snapshot}, **PROBLEMS},
+    dependencies=[require_permission("telemetry.read")],
+    responses={200: {"model": fleet.Snapshot}, **PROBLEMS},
 )
 async def get_snapshot(
     request: Request,
@@ -98,10 +98,10 @@ async def get_snapshot(
     record = services.registry.get(robot_id)
     names = [state.channel.topic for state in record.topics()]
     topics = chosen_topics(names, topic, namespace=record.robot.namespace)
-    found = await heard(services.hub, record, topics, wait_s=wait_s)
+    found = await collect_live(services.hub, record, topics, wait_s=wait_s)
     now_ns = services.clock.wall_ns()
     rest = [name for name in topics if name not in found]
-    found |= await stored(services.history, robot_id, rest, now_ns=now_ns)
+    found |= await newest_stored(services.history, robot_id, rest, now_ns=now_ns)
     values = record.newest().items()
     view = {
         "robot": robot_id,

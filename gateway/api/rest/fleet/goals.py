@@ -8,21 +8,21 @@ from collections.abc import AsyncGenerator
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_graph as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
-from gateway.api.models_identity import Nothing
+from gateway.api.middleware.audited import note
+from gateway.api.models import graph as models
+from gateway.api.models.identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.once import OnceGoal
 from gateway.api.rest.sse import EVENT_STREAM, HEADERS, EventPieces, server_event
 from gateway.api.services import services_of
-from gateway.api.views_graph import goal_event_view, goal_view
-from gateway.fleet.goal import Goal, GoalEvent
-from gateway.fleet.ros_errors import GoalRejectedError
+from gateway.api.views.graph import goal_event_view, goal_view
+from gateway.fleet.ros.errors import GoalRejectedError
+from gateway.fleet.ros.goal import Goal, GoalEvent
 
 __all__ = ["router"]
 
@@ -32,7 +32,7 @@ FINISHED = {"code": "goal_over", "message": "nothing more comes of this goal"}
 
 @router.post(
     "/actions/{action:path}",
-    dependencies=[allow("robots.call")],
+    dependencies=[require_permission("robots.call")],
     status_code=202,
     responses={202: {"model": models.Goal, "headers": {"Location": {"schema": {"type": "string"}}}}, **PROBLEMS},
     openapi_extra=body_document(models.GoalRequest),
@@ -68,7 +68,11 @@ async def begin_goal(request: Request, robot_id: str, action: str) -> Response:
     return JsonResponse(goal_view(goal), status_code=202, headers={"Location": where})
 
 
-@router.get("/goals", dependencies=[allow("telemetry.read")], responses={200: {"model": models.GoalList}, **PROBLEMS})
+@router.get(
+    "/goals",
+    dependencies=[require_permission("telemetry.read")],
+    responses={200: {"model": models.GoalList}, **PROBLEMS},
+)
 async def list_goals(request: Request, robot_id: str, window: Paged) -> Response:
     """The goals of the robot that this gateway knows, the newest first; ended ones for ten minutes."""
     services = services_of(request)
@@ -79,7 +83,9 @@ async def list_goals(request: Request, robot_id: str, window: Paged) -> Response
 
 
 @router.get(
-    "/goals/{goal}", dependencies=[allow("telemetry.read")], responses={200: {"model": models.Goal}, **PROBLEMS}
+    "/goals/{goal}",
+    dependencies=[require_permission("telemetry.read")],
+    responses={200: {"model": models.Goal}, **PROBLEMS},
 )
 async def get_goal(request: Request, robot_id: str, goal: str) -> Response:
     """How a goal stands, its newest feedback, and its result once there is one."""
@@ -89,7 +95,7 @@ async def get_goal(request: Request, robot_id: str, goal: str) -> Response:
 
 @router.get(
     "/goals/{goal}/feedback",
-    dependencies=[allow("telemetry.read")],
+    dependencies=[require_permission("telemetry.read")],
     response_class=Response,
     responses={200: {"content": {EVENT_STREAM: {}}}, **PROBLEMS},
 )
@@ -111,7 +117,7 @@ async def follow_goal(request: Request, robot_id: str, goal: str) -> Response:
 
 @router.post(
     "/goals/{goal}/cancel",
-    dependencies=[allow("robots.call")],
+    dependencies=[require_permission("robots.call")],
     responses={200: {"model": models.Cancelled}, **PROBLEMS},
     openapi_extra=body_document(Nothing),
 )

@@ -9,23 +9,25 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_graph as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.models import graph as models
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
-from gateway.api.rest.twin import Select
+from gateway.api.rest.fleet.twin import Select
 from gateway.api.services import services_of
-from gateway.api.views_graph import graph_view
-from gateway.domain.selector import Selector
+from gateway.api.views.graph import graph_view
+from gateway.domain.fleet.selector import Selector
 
 __all__ = ["router"]
 
 router = api_router("/api/v1", tags=["graph"])
 
 
-@router.get("/graph", dependencies=[allow("robots.read")], responses={200: {"model": models.GraphList}, **PROBLEMS})
+@router.get(
+    "/graph", dependencies=[require_permission("robots.read")], responses={200: {"model": models.GraphList}, **PROBLEMS}
+)
 async def fleet_graph(request: Request, window: Paged, selector: Select = "") -> Response:
     """The graphs of the robots that one sees, and that told theirs; each with its robot's own names."""
     services, sees = services_of(request), principal_of(request).sees
@@ -45,7 +47,7 @@ async def fleet_graph(request: Request, window: Paged, selector: Select = "") ->
 
 @router.get(
     "/robots/{robot_id}/graph",
-    dependencies=[allow("robots.read")],
+    dependencies=[require_permission("robots.read")],
     responses={200: {"model": models.RobotGraph}, **PROBLEMS},
 )
 async def robot_graph(request: Request, robot_id: str) -> Response:
@@ -56,7 +58,7 @@ async def robot_graph(request: Request, robot_id: str) -> Response:
 
 @router.get(
     "/robots/{robot_id}/services",
-    dependencies=[allow("robots.read")],
+    dependencies=[require_permission("robots.read")],
     responses={200: {"model": models.ServiceList}, **PROBLEMS},
 )
 async def list_services(request: Request, robot_id: str, window: Paged) -> Response:
@@ -67,7 +69,7 @@ async def list_services(request: Request, robot_id: str, window: Paged) -> Respo
 
 @router.get(
     "/robots/{robot_id}/actions",
-    dependencies=[allow("robots.read")],
+    dependencies=[require_permission("robots.read")],
     responses={200: {"model": models.ActionList}, **PROBLEMS},
 )
 async def list_actions(request: Request, robot_id: str, window: Paged) -> Response:

@@ -8,18 +8,18 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_nodes as models
-from gateway.api.allow import allow
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.models import nodes as models
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
-from gateway.api.rest.nodes import actor_of
-from gateway.api.rest.twin import DryRun, Reason
+from gateway.api.rest.fleet.nodes import actor_of
+from gateway.api.rest.fleet.twin import DryRun, Reason
 from gateway.api.services import services_of
-from gateway.api.views_nodes import lifecycle_view, parameter_view
+from gateway.api.views.nodes import lifecycle_view, parameter_view
 from gateway.errors import InvalidRequestError
-from gateway.fleet.node_values import NodeValues
+from gateway.fleet.nodes.values import NodeValues
 
 __all__ = ["router"]
 
@@ -33,7 +33,7 @@ router = api_router("/api/v1/robots/{robot_id}/nodes/{node}", tags=["nodes"])
 
 @router.get(
     "/parameters",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.Parameters}, **PROBLEMS},
 )
 async def get_parameters(request: Request, robot_id: str, node: str, ros_name: RosName = "") -> Response:
@@ -46,7 +46,7 @@ async def get_parameters(request: Request, robot_id: str, node: str, ros_name: R
 
 @router.patch(
     "/parameters",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": models.ParametersChanged}, **PROBLEMS},
     openapi_extra=body_document(models.ParametersChange),
 )
@@ -77,7 +77,7 @@ async def set_parameters(
 
 @router.get(
     "/lifecycle",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.Lifecycle}, **PROBLEMS},
 )
 async def get_lifecycle(request: Request, robot_id: str, node: str, ros_name: RosName = "") -> Response:
@@ -89,7 +89,7 @@ async def get_lifecycle(request: Request, robot_id: str, node: str, ros_name: Ro
 
 @router.post(
     "/lifecycle",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": models.LifecycleChanged}, **PROBLEMS},
     openapi_extra=body_document(models.LifecycleChange),
 )

@@ -14,16 +14,15 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_nodes as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
-from gateway.api.models_twin import TwinChange, TwinsChange
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.middleware.audited import note
+from gateway.api.models import nodes as models
+from gateway.api.models.twin import TwinChange, TwinsChange
 from gateway.api.problem import JsonResponse, error_code
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
-from gateway.api.rest.once import carried_once, key_of
-from gateway.api.rest.twin import (
+from gateway.api.rest.fleet.twin import (
     ANY_OBJECT,
     PRECONDITIONS,
     DryRun,
@@ -35,13 +34,14 @@ from gateway.api.rest.twin import (
     expected_of,
     outcome_answer,
 )
+from gateway.api.rest.once import carried_once, key_of
 from gateway.api.services import services_of
-from gateway.api.views_nodes import crash_view, log_view, node_view, nodes_view, result_view, results_view
-from gateway.api.views_twin import outcomes_view
-from gateway.domain.selector import Selector
-from gateway.fleet.node_logs import LogPage
-from gateway.fleet.node_verbs import Actor, Deed, Result
-from gateway.fleet.nodes import NodeDesk, RobotNodes
+from gateway.api.views.nodes import crash_view, log_view, node_view, nodes_view, result_view, results_view
+from gateway.api.views.twin import outcomes_view
+from gateway.domain.fleet.selector import Selector
+from gateway.fleet.nodes.logs import LogPage
+from gateway.fleet.nodes.manager import NodeManager, RobotNodes
+from gateway.fleet.nodes.verbs import Actor, NodeAction, Result
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -58,38 +58,41 @@ EVENTS = "text/event-stream"
 router = api_router("/api/v1", tags=["nodes"])
 
 
-@router.get("/nodes", dependencies=[allow("nodes.read")], responses={200: {"model": models.NodeList}, **PROBLEMS})
+@router.get(
+    "/nodes", dependencies=[require_permission("nodes.read")], responses={200: {"model": models.NodeList}, **PROBLEMS}
+)
 async def list_nodes(
     request: Request, selector: Select = "", state: str = "", node: str = "", limit: Limit = 1000
 ) -> Response:
     """The nodes of every robot that the selector names and that one sees; of one state, or of one name."""
-    robots = await services_of(request).nodes.desk.of_many(Selector.parse(selector), principal_of(request).sees)
+    robots = await services_of(request).nodes.manager.of_many(Selector.parse(selector), principal_of(request).sees)
     return await asyncio.to_thread(_listed, robots, state, node, limit)
 
 
 @router.post(
     "/nodes/{verb}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": models.NodeResults}, **PROBLEMS},
     openapi_extra=body_document(models.VerbForMany),
 )
 async def act_on_many(request: Request, verb: Verb, dry_run: DryRun = False, reason: Reason = "") -> Response:
     """A verb for a node of every robot that the selector names. What robots make of it is told one by one."""
     body = await read_body(request, models.VerbForMany)
-    selector, deed = Selector.parse(body.selector), Deed(node=body.node, verb=verb, signal=body.signal)
+    selector, action = Selector.parse(body.selector), NodeAction(node=body.node, verb=verb, signal=body.signal)
     results = await services_of(request).nodes.verbs.act_many(
-        selector, deed, actor_of(request, reason or verb), sees=principal_of(request).sees, dry_run=dry_run
+        selector, action, actor_of(request, reason or verb), sees=principal_of(request).sees, dry_run=dry_run
     )
     view = await asyncio.to_thread(results_view, results)
     note(
-        request, detail=f"{'dry run: ' if dry_run else ''}{verb} {deed.node}: {view['done']} of {view['robots']} robots"
+        request,
+        detail=f"{'dry run: ' if dry_run else ''}{verb} {action.node}: {view['done']} of {view['robots']} robots",
     )
     return JsonResponse(view)
 
 
 @router.patch(
     "/nodes/{node}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": TwinsChange}, **PROBLEMS},
     openapi_extra=ANY_OBJECT,
 )
@@ -103,7 +106,7 @@ async def change_many(
 ) -> Response:
     """A merge patch of that node's row, for every robot named whose twin has it: all of them, or none."""
     patch, editor = await document_of(request), editor_of(request, reason=reason, window=confirm_within_s)
-    outcomes = await services_of(request).nodes.desk.change_many(
+    outcomes = await services_of(request).nodes.manager.change_many(
         Selector.parse(selector), node, patch, editor, sees=principal_of(request).sees, dry_run=dry_run
     )
     view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
@@ -113,29 +116,29 @@ async def change_many(
 
 @router.get(
     "/robots/{robot_id}/nodes",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.RobotNodes}, **PROBLEMS},
 )
 async def robot_nodes(request: Request, robot_id: str) -> Response:
     """A robot's nodes: as they are to be, as the robot says they are, and why they differ."""
-    found = await services_of(request).nodes.desk.of_robot(robot_id)
+    found = await services_of(request).nodes.manager.of_robot(robot_id)
     return await asyncio.to_thread(lambda: JsonResponse(nodes_view(found)))
 
 
 @router.get(
     "/robots/{robot_id}/nodes/{node}",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.Node}, **PROBLEMS},
 )
 async def one_node(request: Request, robot_id: str, node: str) -> Response:
     """One of them."""
-    found = await services_of(request).nodes.desk.of_robot(robot_id)
+    found = await services_of(request).nodes.manager.of_robot(robot_id)
     return JsonResponse(node_view(found.get(node), in_own=node in found.own))
 
 
 @router.patch(
     "/robots/{robot_id}/nodes/{node}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": TwinChange}, **PRECONDITIONS},
     openapi_extra=ANY_OBJECT,
 )
@@ -149,13 +152,15 @@ async def change_node(
 ) -> Response:
     """A merge patch of the node's row in the robot's own document; what it runs is an admin's to change."""
     patch, editor = await document_of(request), editor_of(request, reason=reason, window=confirm_within_s)
-    outcome = await _desk(request).change(robot_id, node, patch, editor, expected=expected_of(request), dry_run=dry_run)
+    outcome = await _manager(request).change(
+        robot_id, node, patch, editor, expected=expected_of(request), dry_run=dry_run
+    )
     return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.put(
     "/robots/{robot_id}/nodes/{node}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": TwinChange}, **PRECONDITIONS},
     openapi_extra=ANY_OBJECT,
 )
@@ -169,13 +174,13 @@ async def put_node(
 ) -> Response:
     """Give the robot this node, or this row of it, whatever templates say."""
     row, editor = await document_of(request), editor_of(request, reason=reason, window=confirm_within_s)
-    outcome = await _desk(request).put(robot_id, node, row, editor, expected=expected_of(request), dry_run=dry_run)
+    outcome = await _manager(request).put(robot_id, node, row, editor, expected=expected_of(request), dry_run=dry_run)
     return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.delete(
     "/robots/{robot_id}/nodes/{node}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": TwinChange}, **PRECONDITIONS},
 )
 async def remove_node(
@@ -188,13 +193,13 @@ async def remove_node(
 ) -> Response:
     """Take the node away from the robot, also where a template brings it."""
     editor = editor_of(request, reason=reason, window=confirm_within_s)
-    outcome = await _desk(request).remove(robot_id, node, editor, expected=expected_of(request), dry_run=dry_run)
+    outcome = await _manager(request).remove(robot_id, node, editor, expected=expected_of(request), dry_run=dry_run)
     return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.get(
     "/robots/{robot_id}/nodes/{node}/log",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.LogPage}, **PROBLEMS},
 )
 async def read_log(
@@ -215,7 +220,7 @@ async def read_log(
 
 @router.get(
     "/robots/{robot_id}/nodes/{node}/log/tail",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     response_class=Response,
     responses={200: {"content": {EVENTS: {}}}, **PROBLEMS},
 )
@@ -234,7 +239,7 @@ async def tail_log(request: Request, robot_id: str, node: str, cursor: Cursor = 
 
 @router.get(
     "/robots/{robot_id}/nodes/{node}/crashes",
-    dependencies=[allow("nodes.read")],
+    dependencies=[require_permission("nodes.read")],
     responses={200: {"model": models.Crashes}, **PROBLEMS},
 )
 async def crashes(request: Request, robot_id: str, node: str) -> Response:
@@ -245,7 +250,7 @@ async def crashes(request: Request, robot_id: str, node: str) -> Response:
 
 @router.post(
     "/robots/{robot_id}/nodes/{node}/{verb}",
-    dependencies=[allow("nodes.control")],
+    dependencies=[require_permission("nodes.control")],
     responses={200: {"model": models.NodeResult}, **PROBLEMS},
     openapi_extra=body_document(models.VerbForOne),
 )
@@ -257,13 +262,15 @@ async def act(
     With the header `Idempotency-Key` the same request of another verb is carried out once.
     """
     body = await read_body(request, models.VerbForOne)
-    deed = Deed(node=node, verb=verb, signal=body.signal)
+    action = NodeAction(node=node, verb=verb, signal=body.signal)
     nodes, actor, key = services_of(request).nodes, actor_of(request, reason or verb), key_of(request)
-    if key is not None and not deed.lasts and not dry_run:
-        (await nodes.desk.of_robot(robot_id)).get(node)
-        await carried_once(request, replace(deed.order(robot_id), idempotency=key))
-        return JsonResponse(result_view(Result(robot=robot_id, deed=deed, dry_run=False, outcome="done", told=True)))
-    result = await nodes.verbs.act(robot_id, deed, actor, dry_run=dry_run)
+    if key is not None and not action.lasts and not dry_run:
+        (await nodes.manager.of_robot(robot_id)).get(node)
+        await carried_once(request, replace(action.order(robot_id), idempotency=key))
+        return JsonResponse(
+            result_view(Result(robot=robot_id, action=action, dry_run=False, outcome="done", told=True))
+        )
+    result = await nodes.verbs.act(robot_id, action, actor, dry_run=dry_run)
     note(request, detail=f"{'dry run: ' if dry_run else ''}{result.outcome}")
     if result.outcome == "failed" and result.error is not None:
         raise result.error
@@ -287,8 +294,8 @@ def _listed(robots: Sequence[RobotNodes], state: str, node: str, limit: int) -> 
     return JsonResponse({"nodes": shown[:limit], "more": len(shown) > limit})
 
 
-def _desk(request: Request) -> NodeDesk:
-    return services_of(request).nodes.desk
+def _manager(request: Request) -> NodeManager:
+    return services_of(request).nodes.manager
 
 
 class _Events:

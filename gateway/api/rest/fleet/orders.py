@@ -10,23 +10,23 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
-from gateway.api.models_commands import Command, CommandList, CommandRequest, FleetCommandRequest, FleetCommands, State
+from gateway.api.middleware.audited import note
+from gateway.api.models import common
+from gateway.api.models.commands import Command, CommandList, CommandRequest, FleetCommandRequest, FleetCommands, State
 from gateway.api.problem import JsonResponse, error_code
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import Services, services_of
-from gateway.api.views import rfc3339
-from gateway.domain import command as domain
+from gateway.api.views.robots import rfc3339
 from gateway.domain.errors import UnknownCommandError
+from gateway.domain.fleet import command as domain
+from gateway.domain.fleet.selector import Selector
 from gateway.domain.principal import Principal
-from gateway.domain.selector import Selector
 from gateway.errors import ForbiddenError, StoreError, TooManyError
+from gateway.fleet.command_manager import NewCommand
 from gateway.fleet.kinds import kind_of
-from gateway.fleet.orders import Order
 from gateway.identity.permissions import permission
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -43,7 +43,7 @@ router = api_router("/api/v1", tags=["commands"])
 
 @router.post(
     "/robots/{robot_id}/commands",
-    dependencies=[allow("commands.send")],
+    dependencies=[require_permission("commands.send")],
     responses={200: {"model": Command}, 202: {"model": Command}, **PROBLEMS},
     openapi_extra=body_document(CommandRequest),
 )
@@ -56,17 +56,17 @@ async def send_command(request: Request, robot_id: str, wait_s: Wait = 0.0) -> R
     services, principal = services_of(request), principal_of(request)
     check_kind(body.kind, principal)
     order = _order(robot_id, body, request.headers.get("idempotency-key"))
-    command = await services.orders.send(order, principal)
+    command = await services.command_manager.send(order, principal)
     note(request, detail=f"{command.id} {command.kind} {command.state}")
     if wait_s and not command.over:
-        command = await services.orders.wait(command.id, wait_s)
+        command = await services.command_manager.wait(command.id, wait_s)
     headers = {"location": f"/api/v1/commands/{command.id}"}
     return JsonResponse(command_view(command), status_code=200 if command.over else 202, headers=headers)
 
 
 @router.post(
     "/commands",
-    dependencies=[allow("commands.send")],
+    dependencies=[require_permission("commands.send")],
     responses={200: {"model": FleetCommands}, **PROBLEMS},
     openapi_extra=body_document(FleetCommandRequest),
 )
@@ -87,7 +87,7 @@ async def send_fleet_command(request: Request) -> Response:
                     raise TooManyError(f"robot {robot}'s turn did not come within {LIMITS.group_s:g} s")
                 services.rates.take("robot", robot)
                 order = _order(robot, body, None if key is None else f"{key} {robot}")
-                return await services.orders.send(order, principal)
+                return await services.command_manager.send(order, principal)
             except StoreError:
                 raise
             except MetarosError as error:
@@ -110,7 +110,7 @@ async def send_fleet_command(request: Request) -> Response:
 
 @router.get(
     "/commands",
-    dependencies=[allow("commands.read")],
+    dependencies=[require_permission("commands.read")],
     responses={200: {"model": CommandList}},
 )
 async def list_commands(
@@ -131,28 +131,28 @@ async def list_commands(
 
 @router.get(
     "/commands/{command_id}",
-    dependencies=[allow("commands.read")],
-    responses={200: {"model": Command}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("commands.read")],
+    responses={200: {"model": Command}, 404: {"model": common.Problem}},
 )
 async def get_command(request: Request, command_id: str, wait_s: Wait = 0.0) -> Response:
     """One command, and how far it is."""
     services = services_of(request)
     command = await seen_command(services, principal_of(request), command_id)
     if wait_s and not command.over:
-        command = await services.orders.wait(command_id, wait_s)
+        command = await services.command_manager.wait(command_id, wait_s)
     return JsonResponse(command_view(command))
 
 
 @router.delete(
     "/commands/{command_id}",
-    dependencies=[allow("commands.cancel")],
+    dependencies=[require_permission("commands.cancel")],
     responses={200: {"model": Command}, **PROBLEMS},
 )
 async def cancel_command(request: Request, command_id: str) -> Response:
     """Take back a durable command that has not left for its robot."""
     services = services_of(request)
     await seen_command(services, principal_of(request), command_id)
-    return JsonResponse(command_view(await services.orders.cancel(command_id)))
+    return JsonResponse(command_view(await services.command_manager.cancel(command_id)))
 
 
 def check_kind(kind: str, principal: Principal) -> None:
@@ -164,7 +164,7 @@ def check_kind(kind: str, principal: Principal) -> None:
 
 async def seen_command(services: Services, principal: Principal, command_id: str) -> domain.Command:
     """One command; UnknownCommandError also where its robot is out of scope."""
-    found = await services.orders.get(command_id)
+    found = await services.command_manager.get(command_id)
     if not principal.sees(found.robot):
         raise UnknownCommandError.of(command_id)
     return found
@@ -205,8 +205,8 @@ def command_view(item: domain.Command) -> dict[str, Any]:
     }
 
 
-def _order(robot: str, body: CommandRequest, key: str | None) -> Order:
-    return Order(
+def _order(robot: str, body: CommandRequest, key: str | None) -> NewCommand:
+    return NewCommand(
         robot=robot,
         kind=body.kind,
         request=body.request,
@@ -226,14 +226,14 @@ async def _seen(
     A page ends where it is as large, or as much was looked through, as one answer may: it may be short, or empty, and
     yet have a next one.
     """
-    desk, principal = services_of(request).orders, principal_of(request)
+    manager, principal = services_of(request).command_manager, principal_of(request)
     if any("\0" in value for value in (*filters.values(), before)):
         return [], None
     kept: list[domain.Command] = []
     room = LIMITS.command_page_bytes
     for _ in range(MAX_LOOKS):
         most = limit + 1 - len(kept) if principal.sees_all else MAX_LISTED
-        found = await desk.list(**filters, before=before, limit=most)
+        found = await manager.list(**filters, before=before, limit=most)
         for item in found:
             if principal.sees(item.robot):
                 room -= len(item.request) + len(item.result)

@@ -9,23 +9,23 @@ from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FIELDS, Paged, listing, read_fields
-from gateway.api.model_base import Model
+from gateway.api.models import common
+from gateway.api.models.base import Model
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, query_document, read_query
-from gateway.api.rest.twin import SELECTOR
+from gateway.api.rest.fleet.twin import SELECTOR
 from gateway.api.robot_rows import robot_rows_of
 from gateway.api.robot_search import RobotQuery
 from gateway.api.services import services_of
-from gateway.api.views import topic_view
-from gateway.domain.selector import Selector
+from gateway.api.views.robots import topic_view
+from gateway.domain.fleet.selector import Selector
 from gateway.ingest.registry import ChannelState
 from metaros.limits import LIMITS
 
-__all__ = ["EXPRESS", "router"]
+__all__ = ["FAST_PATHS", "router"]
 
 router = api_router("/api/v1/robots", tags=["robots"])
 
@@ -43,8 +43,8 @@ class RobotsAsked(Model):
 
 @router.get(
     "",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": models.RobotList}, **PROBLEMS},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": common.RobotList}, **PROBLEMS},
     openapi_extra=query_document(RobotsAsked),
 )
 async def list_robots(request: Request) -> Response:
@@ -56,7 +56,7 @@ async def list_robots(request: Request) -> Response:
         online=asked.online,
         text=asked.q.lower(),
     )
-    chosen = read_fields(asked.fields, models.Robot)
+    chosen = read_fields(asked.fields, common.Robot)
     body, tag = await robot_rows_of(request).page(
         query, after=asked.after, limit=asked.limit, fields=chosen, text=asked.fields
     )
@@ -65,8 +65,8 @@ async def list_robots(request: Request) -> Response:
 
 @router.get(
     "/{robot_id}",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": models.Robot}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": common.Robot}, 404: {"model": common.Problem}},
 )
 async def get_robot(request: Request, robot_id: str) -> Response:
     """One robot."""
@@ -77,8 +77,8 @@ async def get_robot(request: Request, robot_id: str) -> Response:
 
 @router.get(
     "/{robot_id}/topics",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": models.TopicList}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": common.TopicList}, 404: {"model": common.Problem}},
 )
 async def list_topics(request: Request, robot_id: str, window: Paged) -> Response:
     """What the robot announced, by name."""
@@ -89,10 +89,10 @@ async def list_topics(request: Request, robot_id: str, window: Paged) -> Respons
     def view(state: ChannelState) -> dict[str, Any]:
         return topic_view(state, demand)
 
-    return listing("topics", record.topics(), view, model=models.Topic, key=_channel, window=window)
+    return listing("topics", record.topics(), view, model=common.Topic, key=_channel, window=window)
 
 
-EXPRESS = [route for route in router.routes if isinstance(route, APIRoute) and route.endpoint is list_robots]
+FAST_PATHS = [route for route in router.routes if isinstance(route, APIRoute) and route.endpoint is list_robots]
 
 
 def _channel(state: ChannelState) -> str:

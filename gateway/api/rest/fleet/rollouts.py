@@ -7,53 +7,51 @@ from typing import Any, get_args
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_rollouts
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.audited import note
+from gateway.api.models import common, rollouts
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import once_of
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
-from gateway.domain.rollout import IN_FLIGHT, MemberState, Plan, Rollout
-from gateway.fleet.rollout_errors import UnknownRolloutError
-from metaros.bundle import AGENT, version_key
+from gateway.api.views.robots import rfc3339
+from gateway.domain.fleet.rollout import IN_FLIGHT, MemberState, Plan, Rollout
+from gateway.fleet.rollouts.errors import UnknownRolloutError
+from metaros.fleet.bundle import AGENT, version_key
 
 __all__ = ["rollout_view", "router"]
 
-ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_rollouts.Rollout}, **PROBLEMS}
+ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": rollouts.Rollout}, **PROBLEMS}
 
 router = api_router("/api/v1/rollouts", tags=["updates"])
 
 
-@router.get("", dependencies=[allow("updates.read")], responses={200: {"model": models_rollouts.RolloutList}})
+@router.get("", dependencies=[require_permission("updates.read")], responses={200: {"model": rollouts.RolloutList}})
 async def list_rollouts(request: Request, window: Paged) -> Response:
     """The newest rollouts that have a robot in one's scope, the newest first."""
     found = [one for one in await services_of(request).rollouts.list() if _sees(request, one)]
-    return listing(
-        "rollouts", found, rollout_view, model=models_rollouts.Rollout, key=lambda one: one.id, window=window
-    )
+    return listing("rollouts", found, rollout_view, model=rollouts.Rollout, key=lambda one: one.id, window=window)
 
 
 @router.post(
     "",
     status_code=201,
-    dependencies=[allow("rollouts.manage")],
+    dependencies=[require_permission("rollouts.manage")],
     responses={
-        201: {"model": models_rollouts.RolloutDetail},
-        200: {"model": models_rollouts.RolloutDetail},
+        201: {"model": rollouts.RolloutDetail},
+        200: {"model": rollouts.RolloutDetail},
         **PROBLEMS,
     },
-    openapi_extra=body_document(models_rollouts.RolloutRequest),
+    openapi_extra=body_document(rollouts.RolloutRequest),
 )
 async def start_rollout(request: Request) -> Response:
     """Start a rollout to every robot in scope that the selector names; 200 and nothing done for a dry run.
 
     With the header `Idempotency-Key` the same request starts one, and is answered with how that stands now.
     """
-    body = await read_body(request, models_rollouts.RolloutRequest)
+    body = await read_body(request, rollouts.RolloutRequest)
     version_key(body.version)
     plan = Plan(
         kind="node" if body.node else "agent",
@@ -83,8 +81,8 @@ async def start_rollout(request: Request) -> Response:
 
 @router.get(
     "/{rollout_id}",
-    dependencies=[allow("updates.read")],
-    responses={200: {"model": models_rollouts.RolloutDetail}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("updates.read")],
+    responses={200: {"model": rollouts.RolloutDetail}, 404: {"model": common.Problem}},
 )
 async def get_rollout(request: Request, rollout_id: str) -> Response:
     """One rollout, with those of its robots that are in one's scope."""
@@ -93,26 +91,26 @@ async def get_rollout(request: Request, rollout_id: str) -> Response:
 
 @router.post(
     "/{rollout_id}/pause",
-    dependencies=[allow("rollouts.manage")],
+    dependencies=[require_permission("rollouts.manage")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_rollouts.Why),
+    openapi_extra=body_document(rollouts.Why),
 )
 async def pause_rollout(request: Request, rollout_id: str) -> Response:
     """Tell no further robot; those at it go on."""
-    body = await read_body(request, models_rollouts.Why)
+    body = await read_body(request, rollouts.Why)
     await _get(request, rollout_id, whole=True)
     return JsonResponse(rollout_view(await services_of(request).rollouts.pause(rollout_id, body.reason)))
 
 
 @router.post(
     "/{rollout_id}/resume",
-    dependencies=[allow("rollouts.manage")],
+    dependencies=[require_permission("rollouts.manage")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_rollouts.Resume),
+    openapi_extra=body_document(rollouts.Resume),
 )
 async def resume_rollout(request: Request, rollout_id: str) -> Response:
     """Go on in spite of the failures so far; or with another version, from the first wave and for every robot."""
-    body = await read_body(request, models_rollouts.Resume)
+    body = await read_body(request, rollouts.Resume)
     if body.version:
         version_key(body.version)
     await _get(request, rollout_id, whole=True)
@@ -121,13 +119,13 @@ async def resume_rollout(request: Request, rollout_id: str) -> Response:
 
 @router.post(
     "/{rollout_id}/abort",
-    dependencies=[allow("rollouts.manage")],
+    dependencies=[require_permission("rollouts.manage")],
     responses=ANSWERS,
-    openapi_extra=body_document(models_rollouts.Why),
+    openapi_extra=body_document(rollouts.Why),
 )
 async def abort_rollout(request: Request, rollout_id: str) -> Response:
     """End it. Robots that were told keep what their twins say."""
-    body = await read_body(request, models_rollouts.Why)
+    body = await read_body(request, rollouts.Why)
     await _get(request, rollout_id, whole=True)
     return JsonResponse(rollout_view(await services_of(request).rollouts.abort(rollout_id, body.reason)))
 

@@ -8,15 +8,15 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api import models_graph as graph_models
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.models import common
+from gateway.api.models import graph as graph_models
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
-from gateway.api.rest.commands import called
+from gateway.api.rest.fleet.commands import called
 from gateway.api.services import services_of
-from gateway.fleet.orders import Order
+from gateway.fleet.command_manager import NewCommand
 from metaros.limits import LIMITS
 
 __all__ = ["router"]
@@ -27,8 +27,8 @@ CDR = "application/cdr"
 
 @router.post(
     "/{robot_id}/services/{service:path}",
-    dependencies=[allow("robots.call")],
-    responses={200: {"model": models.CallResult, "content": {CDR: {}}}, **PROBLEMS},
+    dependencies=[require_permission("robots.call")],
+    responses={200: {"model": common.CallResult, "content": {CDR: {}}}, **PROBLEMS},
     openapi_extra=body_document(graph_models.ServiceRequest, cdr=True),
 )
 async def call_named(
@@ -47,12 +47,12 @@ async def call_named(
     services = services_of(request)
     if "json" in request.headers["content-type"]:
         body = await read_body(request, graph_models.ServiceRequest)
-        asked = models.CallRequest(service=service, **body.model_dump())
+        asked = common.CallRequest(service=service, **body.model_dump())
         return JsonResponse({"response": await called(request, robot_id, asked)})
     raw = await request.body()
     noted: dict[str, Any] = {"service": service, "type": type, "cdr_bytes": len(raw)}
-    order = Order(robot=robot_id, kind="call_service", request=noted, timeout_s=timeout_s)
-    with services.orders.noted(order, principal_of(request)):
+    order = NewCommand(robot=robot_id, kind="call_service", request=noted, timeout_s=timeout_s)
+    with services.command_manager.track(order, principal_of(request)):
         answer: bytes = await services.fleet.call(
             robot_id,
             service,

@@ -8,20 +8,20 @@ import re
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_twin as models
-from gateway.api.allow import allow, require_all
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_all_robots, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.middleware.audited import note
+from gateway.api.models import twin as models
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
-from gateway.api.rest.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
+from gateway.api.rest.fleet.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
 from gateway.api.services import services_of
-from gateway.api.views_twin import outcomes_view, template_history_view, template_view
-from gateway.domain.twin import Template
+from gateway.api.views.twin import outcomes_view, template_history_view, template_view
+from gateway.domain.fleet.twin import Template
 from gateway.errors import InvalidRequestError
-from gateway.fleet.twin_plan import Outcome
-from metaros.twin import read
+from gateway.fleet.twins.plan import Outcome
+from metaros.fleet.twin import read
 
 __all__ = ["router"]
 
@@ -30,14 +30,18 @@ _ETAG = re.compile(r'(?:W/)?"(\d{1,16})"')
 router = api_router("/api/v1/templates", tags=["twins"])
 
 
-@router.get("", dependencies=[allow("twin.read")], responses={200: {"model": models.TemplateList}})
+@router.get("", dependencies=[require_permission("twin.read")], responses={200: {"model": models.TemplateList}})
 async def list_templates(request: Request, window: Paged) -> Response:
     """Every template, in the order in which they are laid over each other."""
     found = await services_of(request).twins.templates.all()
     return listing("templates", found, template_view, model=models.Template, key=lambda item: item.name, window=window)
 
 
-@router.get("/{name}", dependencies=[allow("twin.read")], responses={200: {"model": models.Template}, **PRECONDITIONS})
+@router.get(
+    "/{name}",
+    dependencies=[require_permission("twin.read")],
+    responses={200: {"model": models.Template}, **PRECONDITIONS},
+)
 async def get_template(request: Request, name: str) -> Response:
     """One template."""
     item = await services_of(request).twins.templates.get(name)
@@ -46,7 +50,7 @@ async def get_template(request: Request, name: str) -> Response:
 
 @router.put(
     "/{name}",
-    dependencies=[allow("templates.write")],
+    dependencies=[require_permission("templates.write")],
     responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
     openapi_extra=body_document(models.TemplateRequest),
 )
@@ -54,7 +58,7 @@ async def put_template(
     request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """Add a template, or put another in its place; with what becomes of every robot that it changes."""
-    require_all(request, "templates")
+    require_all_robots(request, "templates")
     await asyncio.to_thread(read, await request.body())  # no key twice, no NaN, not too deep
     body = await read_body(request, models.TemplateRequest)
     item, outcomes = await services_of(request).twins.templates.put(
@@ -71,14 +75,14 @@ async def put_template(
 
 @router.delete(
     "/{name}",
-    dependencies=[allow("templates.write")],
+    dependencies=[require_permission("templates.write")],
     responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
 )
 async def delete_template(
     request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """Take a template away; robots go on with what is left."""
-    require_all(request, "templates")
+    require_all_robots(request, "templates")
     item, outcomes = await services_of(request).twins.templates.remove(
         name,
         editor=editor_of(request, reason=reason, window=confirm_within_s),
@@ -90,7 +94,7 @@ async def delete_template(
 
 @router.get(
     "/{name}/history",
-    dependencies=[allow("twin.read")],
+    dependencies=[require_permission("twin.read")],
     responses={200: {"model": models.TemplateHistory}, **PROBLEMS},
 )
 async def get_template_history(request: Request, name: str, limit: Count = 20) -> Response:
@@ -101,7 +105,7 @@ async def get_template_history(request: Request, name: str, limit: Count = 20) -
 
 @router.post(
     "/{name}/revert",
-    dependencies=[allow("templates.write")],
+    dependencies=[require_permission("templates.write")],
     responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
     openapi_extra=body_document(models.Revert),
 )
@@ -109,7 +113,7 @@ async def revert_template(
     request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """The template as it was at an earlier revision, also of one that is gone; with what becomes of each robot."""
-    require_all(request, "templates")
+    require_all_robots(request, "templates")
     body = await read_body(request, models.Revert)
     item, outcomes = await services_of(request).twins.templates.revert(
         name,

@@ -10,22 +10,22 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models_twin as models
-from gateway.api.allow import allow, principal_of
-from gateway.api.audited import note
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
-from gateway.api.models_identity import Nothing
+from gateway.api.middleware.audited import note
+from gateway.api.models import twin as models
+from gateway.api.models.identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
-from gateway.api.views_twin import brief_view, history_view, outcome_view, outcomes_view, twin_view
-from gateway.domain.selector import Selector
+from gateway.api.views.twin import brief_view, history_view, outcome_view, outcomes_view, twin_view
+from gateway.domain.fleet.selector import Selector
 from gateway.errors import InvalidRequestError
-from gateway.fleet.twin_plan import Edit, Outcome
-from gateway.fleet.twins import Editor, TwinState
+from gateway.fleet.twins.manager import Editor, TwinState
+from gateway.fleet.twins.plan import Edit, Outcome
 from gateway.identity.permissions import permission
-from metaros.twin import json_schema, read
+from metaros.fleet.twin import json_schema, read
 
 __all__ = [
     "ANY_OBJECT",
@@ -61,7 +61,7 @@ PRECONDITIONS: dict[int | str, dict[str, Any]] = {**PROBLEMS, 412: PROBLEMS[409]
 router = api_router("/api/v1", tags=["twins"])
 
 
-@router.get("/twin/schema", dependencies=[allow("twin.read")], response_model=None)
+@router.get("/twin/schema", dependencies=[require_permission("twin.read")], response_model=None)
 async def schema() -> Response:
     """The desired document as JSON Schema."""
     return JsonResponse(json_schema())
@@ -69,19 +69,19 @@ async def schema() -> Response:
 
 @router.get(
     "/robots/{robot_id}/twin",
-    dependencies=[allow("twin.read")],
+    dependencies=[require_permission("twin.read")],
     responses={200: {"model": models.Twin}, **PROBLEMS},
 )
 async def get_twin(request: Request, robot_id: str) -> Response:
     """What the robot is to be, what it says it is, and the difference. The ETag is for If-Match."""
-    state = await services_of(request).twins.desk.state(robot_id)
+    state = await services_of(request).twins.manager.state(robot_id)
     view = await asyncio.to_thread(twin_view, state)
     return JsonResponse(view, headers={"ETag": _etag(state)})
 
 
 @router.put(
     "/robots/{robot_id}/twin",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=ANY_OBJECT,
 )
@@ -95,7 +95,7 @@ async def put_twin(
 
 @router.patch(
     "/robots/{robot_id}/twin",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=ANY_OBJECT,
 )
@@ -109,18 +109,18 @@ async def patch_twin(
 
 @router.get(
     "/robots/{robot_id}/twin/history",
-    dependencies=[allow("twin.read")],
+    dependencies=[require_permission("twin.read")],
     responses={200: {"model": models.TwinHistory}, **PROBLEMS},
 )
 async def get_history(request: Request, robot_id: str, limit: Count = 20) -> Response:
     """Who changed what, when and why; the newest first, at most 100 are kept."""
-    entries = await services_of(request).twins.desk.history(robot_id, limit=limit + 1)
+    entries = await services_of(request).twins.manager.history(robot_id, limit=limit + 1)
     return JsonResponse(await asyncio.to_thread(history_view, entries, limit=limit))
 
 
 @router.post(
     "/robots/{robot_id}/twin/revert",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=body_document(models.Revert),
 )
@@ -130,14 +130,14 @@ async def revert(
     """Give the robot its own document of an earlier revision; templates stay as they are."""
     body = await read_body(request, models.Revert)
     editor = editor_of(request, reason=reason or f"back to revision {body.revision}", window=confirm_within_s)
-    desk = services_of(request).twins.desk
-    outcome = await desk.revert(robot_id, body.revision, editor, expected=expected_of(request), dry_run=dry_run)
+    manager = services_of(request).twins.manager
+    outcome = await manager.revert(robot_id, body.revision, editor, expected=expected_of(request), dry_run=dry_run)
     return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.post(
     "/robots/{robot_id}/twin/retry",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=body_document(Nothing),
 )
@@ -150,7 +150,7 @@ async def retry(request: Request, robot_id: str, reason: Reason = "", confirm_wi
 
 @router.patch(
     "/robots/{robot_id}/labels",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=body_document(models.LabelsChange),
 )
@@ -158,8 +158,8 @@ async def label(request: Request, robot_id: str, dry_run: DryRun = False, reason
     """Give the robot labels, over those that it says itself; null takes one away. Templates may follow."""
     body = await read_body(request, models.LabelsChange)
     editor = editor_of(request, reason=reason or "labels", window=None)
-    desk = services_of(request).twins.desk
-    outcome = await desk.edit(
+    manager = services_of(request).twins.manager
+    outcome = await manager.edit(
         robot_id, Edit(labels=body.labels), editor, expected=expected_of(request), dry_run=dry_run
     )
     return await outcome_answer(request, outcome, dry_run=dry_run)
@@ -167,12 +167,12 @@ async def label(request: Request, robot_id: str, dry_run: DryRun = False, reason
 
 @router.get(
     "/twins",
-    dependencies=[allow("twin.read")],
+    dependencies=[require_permission("twin.read")],
     responses={200: {"model": models.TwinList}, **PROBLEMS},
 )
 async def list_twins(request: Request, window: Paged, selector: Select = "") -> Response:
     """Every robot that the selector names and that one sees: whether it lives by what is desired."""
-    states = await services_of(request).twins.desk.states(Selector.parse(selector), principal_of(request).sees)
+    states = await services_of(request).twins.manager.states(Selector.parse(selector), principal_of(request).sees)
     return await asyncio.to_thread(
         lambda: listing(
             "twins", states, brief_view, model=models.TwinBrief, key=lambda state: state.desired.robot, window=window
@@ -182,7 +182,7 @@ async def list_twins(request: Request, window: Paged, selector: Select = "") -> 
 
 @router.patch(
     "/twins",
-    dependencies=[allow("twin.write")],
+    dependencies=[require_permission("twin.write")],
     responses={200: {"model": models.TwinsChange}, **PROBLEMS},
     openapi_extra=ANY_OBJECT,
 )
@@ -196,7 +196,7 @@ async def patch_twins(
     """A merge patch of the own documents of every robot that the selector names: all of them, or none."""
     wanted, edit = Selector.parse(selector), Edit(patch=await document_of(request))
     editor = editor_of(request, reason=reason, window=confirm_within_s)
-    outcomes = await services_of(request).twins.desk.edit_many(
+    outcomes = await services_of(request).twins.manager.edit_many(
         wanted, edit, editor, sees=principal_of(request).sees, dry_run=dry_run
     )
     view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
@@ -217,8 +217,8 @@ async def _edited(
     request: Request, robot_id: str, edit: Edit, *, dry_run: bool, reason: str, window: float | None
 ) -> Response:
     editor = editor_of(request, reason=reason, window=window)
-    desk = services_of(request).twins.desk
-    outcome = await desk.edit(robot_id, edit, editor, expected=expected_of(request), dry_run=dry_run)
+    manager = services_of(request).twins.manager
+    outcome = await manager.edit(robot_id, edit, editor, expected=expected_of(request), dry_run=dry_run)
     return await outcome_answer(request, outcome, dry_run=dry_run)
 
 

@@ -7,13 +7,13 @@ import asyncio
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow
-from gateway.api.later_route import api_router
-from gateway.api.models_types import TypeShape
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.models import common
+from gateway.api.models.types import TypeShape
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
-from gateway.fleet.types import TypeBook
+from gateway.fleet.ros.types import TypeRegistry
 
 __all__ = ["router"]
 
@@ -22,12 +22,12 @@ router = api_router("/api/v1/robots", tags=["robots"])
 
 @router.get(
     "/{robot_id}/types/{package}/{kind}/{name}",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": TypeShape}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": TypeShape}, 404: {"model": common.Problem}},
 )
 async def get_type(request: Request, robot_id: str, package: str, kind: str, name: str) -> Response:
     """What a type is made of: as the robot announced it with a topic, else as the library ships it."""
     services, full = services_of(request), f"{package}/{kind}/{name}"
     topics = services.registry.get(robot_id).topics()
     announced = next((state.channel for state in topics if state.channel.schema_name == full), None)
-    return JsonResponse(await asyncio.to_thread(TypeBook().shape, full, announced))
+    return JsonResponse(await asyncio.to_thread(TypeRegistry().shape, full, announced))

@@ -8,18 +8,18 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow
-from gateway.api.conditional import matches
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
+from gateway.api.middleware.conditional import matches
+from gateway.api.models import common
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import carried_once, key_of
 from gateway.api.services import services_of
-from gateway.api.views import gap_view, uplink_view
+from gateway.api.views.robots import gap_view, uplink_view
 from gateway.domain.errors import ChangedError
-from gateway.fleet.orders import Order
+from gateway.fleet.command_manager import NewCommand
 
 __all__ = ["router"]
 
@@ -30,8 +30,8 @@ router = api_router("/api/v1/robots", tags=["link"])
 
 @router.get(
     "/{robot_id}/uplink",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": models.Uplink}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": common.Uplink}, 404: {"model": common.Problem}},
 )
 async def get_uplink(request: Request, robot_id: str) -> Response:
     """The robot's byte budget, as its agent said last."""
@@ -41,19 +41,21 @@ async def get_uplink(request: Request, robot_id: str) -> Response:
 
 @router.put(
     "/{robot_id}/uplink",
-    dependencies=[allow("robots.configure")],
-    responses={200: {"model": models.Uplink}, **PROBLEMS, 412: {"model": models.Problem}},
-    openapi_extra=body_document(models.UplinkRequest),
+    dependencies=[require_permission("robots.configure")],
+    responses={200: {"model": common.Uplink}, **PROBLEMS, 412: {"model": common.Problem}},
+    openapi_extra=body_document(common.UplinkRequest),
 )
 async def set_uplink(request: Request, robot_id: str) -> Response:
     """Give the robot another byte budget. Answers when its agent has taken it and keeps it."""
     services = services_of(request)
-    body = await read_body(request, models.UplinkRequest)
+    body = await read_body(request, common.UplinkRequest)
     tag = _tag(uplink_view(services.registry.get(robot_id)))
     if (said := request.headers.get("if-match", "*")) != "*" and not matches(said, tag):
         raise ChangedError(f"the byte budget of {robot_id} is another one by now: read it again")
     if (key := key_of(request)) is not None:
-        order = Order(robot=robot_id, kind="set_uplink", request={"bytes_per_s": body.bytes_per_s}, idempotency=key)
+        order = NewCommand(
+            robot=robot_id, kind="set_uplink", request={"bytes_per_s": body.bytes_per_s}, idempotency=key
+        )
         await carried_once(request, order)
     else:
         await services.fleet.set_uplink(robot_id, body.bytes_per_s)
@@ -65,8 +67,8 @@ async def set_uplink(request: Request, robot_id: str) -> Response:
 
 @router.get(
     "/{robot_id}/gaps",
-    dependencies=[allow("robots.read")],
-    responses={200: {"model": models.GapList}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("robots.read")],
+    responses={200: {"model": common.GapList}, 404: {"model": common.Problem}},
 )
 async def list_gaps(
     request: Request,
@@ -78,7 +80,7 @@ async def list_gaps(
     services = services_of(request)
     record = services.registry.get(robot_id)
     found = await services.store.gaps(robot_id, limit=limit)
-    chosen = read_fields(fields, models.DeclaredGap)
+    chosen = read_fields(fields, common.DeclaredGap)
     return JsonResponse({"gaps": [chosen.of(gap_view(record, gap)) for gap in found]})
 
 

@@ -8,12 +8,12 @@ from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow, require_seen
+from gateway.api.authorization import require_permission, require_visible
+from gateway.api.models import common
 from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, parse_range
 from gateway.api.services import services_of
-from gateway.api.views_history import compact_time
+from gateway.api.views.history import compact_time
 from gateway.errors import InvalidRequestError
 from gateway.history.export import ExportRequest
 
@@ -27,11 +27,11 @@ router = APIRouter(prefix="/api/v1", tags=["history"])
 
 @router.get(
     "/export.mcap",
-    dependencies=[allow("history.export")],
+    dependencies=[require_permission("history.export")],
     response_class=Response,
     responses={
         200: {"content": {MEDIA_TYPE: {}}},
-        **{status: {"model": models.Problem} for status in (400, 404, 429, 503)},
+        **{status: {"model": common.Problem} for status in (400, 404, 429, 503)},
     },
 )
 async def export_mcap(
@@ -46,7 +46,7 @@ async def export_mcap(
     start_ns, end_ns = parse_range(start, end, now_ns=services.clock.wall_ns())
     topics: dict[str, tuple[str, ...]] = {}
     for robot_id in dict.fromkeys(robot):
-        require_seen(request, robot_id)
+        require_visible(request, robot_id)
         namespace = services.registry.get(robot_id).robot.namespace
         names = await services.history.topic_names(robot_id)
         topics[robot_id] = chosen_topics(names, topic, namespace=namespace)

@@ -8,15 +8,15 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_history
-from gateway.api.allow import allow
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.models import common, history
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, full_pattern, parse_age, parse_range
 from gateway.api.rest.times import parse_time
 from gateway.api.services import Services, services_of
-from gateway.api.views import rfc3339
-from gateway.api.views_history import history_view
+from gateway.api.views.history import history_view
+from gateway.api.views.robots import rfc3339
 from gateway.history.cursor import read_cursor
 from gateway.history.pages import PageRequest
 
@@ -28,11 +28,13 @@ MAX_MESSAGES = 1000
 
 router = api_router("/api/v1/robots/{robot_id}", tags=["history"])
 
-UNKNOWN: dict[int | str, dict[str, Any]] = {status: {"model": models.Problem} for status in (400, 404, 429, 503)}
+UNKNOWN: dict[int | str, dict[str, Any]] = {status: {"model": common.Problem} for status in (400, 404, 429, 503)}
 
 
 @router.get(
-    "/history", dependencies=[allow("history.read")], responses={200: {"model": models_history.History}, **UNKNOWN}
+    "/history",
+    dependencies=[require_permission("history.read")],
+    responses={200: {"model": history.History}, **UNKNOWN},
 )
 async def get_history(request: Request, robot_id: str) -> Response:
     """Which topics are stored, how much of them, from when to when."""
@@ -43,7 +45,9 @@ async def get_history(request: Request, robot_id: str) -> Response:
 
 
 @router.get(
-    "/timeline", dependencies=[allow("history.read")], responses={200: {"model": models_history.Timeline}, **UNKNOWN}
+    "/timeline",
+    dependencies=[require_permission("history.read")],
+    responses={200: {"model": history.Timeline}, **UNKNOWN},
 )
 async def get_timeline(
     request: Request,
@@ -61,7 +65,9 @@ async def get_timeline(
 
 
 @router.get(
-    "/messages", dependencies=[allow("history.read")], responses={200: {"model": models_history.MessagePage}, **UNKNOWN}
+    "/messages",
+    dependencies=[require_permission("history.read")],
+    responses={200: {"model": history.MessagePage}, **UNKNOWN},
 )
 async def get_messages(
     request: Request,
@@ -92,8 +98,8 @@ async def get_messages(
 
 @router.get(
     "/at",
-    dependencies=[allow("history.read")],
-    responses={200: {"model": models_history.InstantMessages, "content": {RECORDS_TYPE: {}}}, **UNKNOWN},
+    dependencies=[require_permission("history.read")],
+    responses={200: {"model": history.InstantMessages, "content": {RECORDS_TYPE: {}}}, **UNKNOWN},
 )
 async def get_instant(
     request: Request,
@@ -112,7 +118,7 @@ async def get_instant(
     if topic is None or any("*" in name for name in topic):
         topics = tuple(dict.fromkeys([*topics, *await _topics(services, robot_id, topic)]))
     show = rfc3339 if form == "json" else None
-    body = await services.history.instant(robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns, show=show)
+    body = await services.history.snapshot(robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns, show=show)
     return _json(body) if show is not None else Response(body, media_type=RECORDS_TYPE)
 
 

@@ -8,16 +8,16 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models
-from gateway.api.allow import allow
-from gateway.api.later_route import api_router
+from gateway.api.authorization import require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import Paged, listing
+from gateway.api.models import common
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
-from gateway.api.views import metric_gaps_view, range_view, series_view
+from gateway.api.views.robots import metric_gaps_view, range_view, series_view
 from gateway.errors import InvalidRequestError
-from gateway.store.series import Method
+from gateway.store.telemetry.series import Method
 
 __all__ = ["router"]
 
@@ -31,8 +31,8 @@ router = api_router("/api/v1/robots/{robot_id}/metrics", tags=["robots"])
 
 @router.get(
     "",
-    dependencies=[allow("telemetry.read")],
-    responses={200: {"model": models.SeriesList}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("telemetry.read")],
+    responses={200: {"model": common.SeriesList}, 404: {"model": common.Problem}},
 )
 async def list_series(request: Request, robot_id: str, window: Paged) -> Response:
     """The robot's stored series."""
@@ -40,14 +40,14 @@ async def list_series(request: Request, robot_id: str, window: Paged) -> Respons
     services.registry.get(robot_id)
     found = await services.store.series(robot_id)
     return listing(
-        "series", found, series_view, model=models.SeriesState, key=lambda facts: facts.series.name, window=window
+        "series", found, series_view, model=common.SeriesState, key=lambda facts: facts.series.name, window=window
     )
 
 
 @router.get(
     "/range",
-    dependencies=[allow("telemetry.read")],
-    responses={200: {"model": models.MetricRange}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("telemetry.read")],
+    responses={200: {"model": common.MetricRange}, 404: {"model": common.Problem}},
 )
 async def get_range(
     request: Request,

@@ -9,11 +9,11 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from gateway.api import models
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
 from gateway.api.listing import FieldsText, read_fields
-from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
+from gateway.api.models import common
+from gateway.api.models.recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
@@ -21,11 +21,11 @@ from gateway.api.rest.once import carried_once, key_of
 from gateway.api.rest.spans import asked_span
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
-from gateway.api.views import rfc3339
-from gateway.domain import recording as domain
+from gateway.api.views.robots import rfc3339
+from gateway.domain.fleet import recording as domain
 from gateway.errors import InvalidRequestError, UnknownRecordingError
-from gateway.fleet.orders import Order
-from gateway.recordings.download import Download
+from gateway.fleet.command_manager import NewCommand
+from gateway.history.recordings.download import Download
 
 __all__ = ["router"]
 
@@ -37,14 +37,14 @@ router = api_router("/api/v1", tags=["recordings"])
 
 @router.post(
     "/robots/{robot_id}/recordings",
-    dependencies=[allow("recordings.save")],
+    dependencies=[require_permission("recordings.save")],
     status_code=202,
-    responses={202: {"model": Recording}, **PROBLEMS, 429: {"model": models.Problem}},
+    responses={202: {"model": Recording}, **PROBLEMS, 429: {"model": common.Problem}},
     openapi_extra=body_document(RecordingRequest),
 )
 async def save_recording(request: Request, robot_id: str) -> Response:
     """Ask for a clip of the robot's black box. The robot may be offline: it is asked when it comes."""
-    desk = services_of(request).recordings
+    manager = services_of(request).recordings
     body = await read_body(request, RecordingRequest)
     if (body.last_s is None) == (not body.start):
         raise InvalidRequestError("say either last_s, or start and end")
@@ -52,9 +52,9 @@ async def save_recording(request: Request, robot_id: str) -> Response:
         return await _save_once(request, robot_id, body, key)
     span_ns = None
     if body.start:
-        now_ns = desk.robot_now_ns(robot_id)
+        now_ns = manager.robot_now_ns(robot_id)
         span_ns = (parse_time(body.start, now_ns=now_ns), parse_time(body.end, now_ns=now_ns))
-    asked = await desk.request(robot_id, last_s=body.last_s, span_ns=span_ns, topics=tuple(body.topics))
+    asked = await manager.request(robot_id, last_s=body.last_s, span_ns=span_ns, topics=tuple(body.topics))
     headers = {"location": f"/api/v1/recordings/{asked.id}"}
     return JsonResponse(recording_view(asked), status_code=202, headers=headers)
 
@@ -63,13 +63,17 @@ async def _save_once(request: Request, robot_id: str, body: RecordingRequest, ke
     if body.last_s is None:
         raise InvalidRequestError("under an Idempotency-Key a clip is named by last_s")
     asked: dict[str, Any] = {"last_s": body.last_s, "topics": list(body.topics)}
-    ended = await carried_once(request, Order(robot=robot_id, kind="save_recording", request=asked, idempotency=key))
+    ended = await carried_once(
+        request, NewCommand(robot=robot_id, kind="save_recording", request=asked, idempotency=key)
+    )
     found = await _get(request, orjson.loads(ended.result)["recording"])
     headers = {"location": f"/api/v1/recordings/{found.id}"}
     return JsonResponse(recording_view(found), status_code=202, headers=headers)
 
 
-@router.get("/recordings", dependencies=[allow("recordings.read")], responses={200: {"model": RecordingList}})
+@router.get(
+    "/recordings", dependencies=[require_permission("recordings.read")], responses={200: {"model": RecordingList}}
+)
 async def list_recordings(
     request: Request,
     robot: Annotated[str, Query(description="only this robot's")] = "",
@@ -87,8 +91,8 @@ async def list_recordings(
 
 @router.get(
     "/recordings/{recording_id}",
-    dependencies=[allow("recordings.read")],
-    responses={200: {"model": Recording}, 404: {"model": models.Problem}},
+    dependencies=[require_permission("recordings.read")],
+    responses={200: {"model": Recording}, 404: {"model": common.Problem}},
 )
 async def get_recording(request: Request, recording_id: str) -> Response:
     """One recording, and how far it is."""
@@ -97,8 +101,8 @@ async def get_recording(request: Request, recording_id: str) -> Response:
 
 @router.delete(
     "/recordings/{recording_id}",
-    dependencies=[allow("recordings.delete")],
-    responses={200: {"model": models.Ok}, **PROBLEMS},
+    dependencies=[require_permission("recordings.delete")],
+    responses={200: {"model": common.Ok}, **PROBLEMS},
 )
 async def delete_recording(request: Request, recording_id: str) -> Response:
     """Delete a recording with its file; an unfinished one is given up, and its robot forgets it."""
@@ -110,24 +114,24 @@ async def delete_recording(request: Request, recording_id: str) -> Response:
 
 @router.get(
     "/recordings/{recording_id}/file.mcap",
-    dependencies=[allow("recordings.read")],
+    dependencies=[require_permission("recordings.read")],
     responses={
         200: {"content": {MEDIA_TYPE: {}}},
         206: {"content": {MEDIA_TYPE: {}}},
         304: {},
         416: {},
-        404: {"model": models.Problem},
-        409: {"model": models.Problem},
-        429: {"model": models.Problem},
+        404: {"model": common.Problem},
+        409: {"model": common.Problem},
+        429: {"model": common.Problem},
     },
     response_class=StreamingResponse,
 )
 async def get_file(request: Request, recording_id: str) -> Response:
     """The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on."""
-    desk = services_of(request).recordings
+    manager = services_of(request).recordings
     found = await _get(request, recording_id)
     if found.state != domain.STORED:
-        desk.download(found).close()  # says why there is none
+        manager.download(found).close()  # says why there is none
     etag = f'"{found.sha256}"'
     headers = {
         "etag": etag,
@@ -139,12 +143,12 @@ async def get_file(request: Request, recording_id: str) -> Response:
         return Response(status_code=304, headers=headers)
     span = asked_span(request, found.size_bytes, etag)
     if span is None:
-        return _sent(request, desk.download(found), found.size_bytes, headers, status_code=200)
+        return _sent(request, manager.download(found), found.size_bytes, headers, status_code=200)
     start, end = span
     if start >= end:
         return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
     headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
-    part = desk.download(found, start=start, size_bytes=end - start)
+    part = manager.download(found, start=start, size_bytes=end - start)
     return _sent(request, part, end - start, headers, status_code=206)
 
 
@@ -187,13 +191,13 @@ async def _get(request: Request, recording_id: str) -> domain.Recording:
 
 async def _seen(request: Request, robot_id: str | None, *, limit: int, before: str | None) -> list[domain.Recording]:
     """The newest recordings of robots in scope; of many others, only as many are read at a time as may be listed."""
-    desk, principal = services_of(request).recordings, principal_of(request)
+    manager, principal = services_of(request).recordings, principal_of(request)
     if principal.sees_all or robot_id is not None:
         unseen = robot_id is not None and not principal.sees(robot_id)
-        return [] if unseen else await desk.list(robot_id=robot_id, limit=limit, before=before)
+        return [] if unseen else await manager.list(robot_id=robot_id, limit=limit, before=before)
     kept: list[domain.Recording] = []
     while len(kept) < limit:
-        page = await desk.list(robot_id=None, limit=MAX_LISTED, before=before)
+        page = await manager.list(robot_id=None, limit=MAX_LISTED, before=before)
         kept += [item for item in page if principal.sees(item.robot)]
         if len(page) < MAX_LISTED:
             break

@@ -5,9 +5,9 @@ from __future__ import annotations
 from starlette.requests import Request
 from starlette.responses import Response
 
-from gateway.api import models, models_store
-from gateway.api.allow import allow, principal_of
-from gateway.api.later_route import api_router
+from gateway.api.authorization import principal_of, require_permission
+from gateway.api.lazy_route import api_router
+from gateway.api.models import common, store
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 
@@ -20,8 +20,8 @@ router = api_router("/api/v1/store", tags=["store"])
 
 @router.get(
     "",
-    dependencies=[allow("store.read")],
-    responses={200: {"model": models_store.StoreAccount}, 503: {"model": models.Problem}},
+    dependencies=[require_permission("store.read")],
+    responses={200: {"model": store.StoreAccount}, 503: {"model": common.Problem}},
 )
 async def get_store(request: Request) -> Response:
     """The account of the store; at most 10 s old. Robots out of scope are in its sums only."""
@@ -34,8 +34,8 @@ async def get_store(request: Request) -> Response:
 
 @router.get(
     "/retention",
-    dependencies=[allow("store.read")],
-    responses={200: {"model": models_store.RetentionPlan}, 503: {"model": models.Problem}},
+    dependencies=[require_permission("store.read")],
+    responses={200: {"model": store.RetentionPlan}, 503: {"model": common.Problem}},
 )
 async def get_retention(request: Request) -> Response:
     """What the next purge would delete, and why; nothing is deleted by asking."""

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.functions.catalogue_lookup import named, version_of
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_resource
-from gateway.functions.catalogue_records import MAPPING, POLICY, Draft, Records
-from gateway.functions.catalogue_settings import new_revision
-from gateway.functions.errors import (
+from gateway.automation.functions.catalogue.lookup import named, version_of
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_resource
+from gateway.automation.functions.catalogue.records import MAPPING, POLICY, Draft, Records
+from gateway.automation.functions.catalogue.settings import new_revision
+from gateway.automation.functions.errors import (
     FunctionChangedError,
     FunctionConflictError,
     FunctionInvalidError,
@@ -19,27 +19,27 @@ from gateway.functions.errors import (
     PolicyTooLongError,
     UnknownFunctionError,
 )
-from gateway.store.functions import Record
+from gateway.store.automation.functions import Record
 from metaros.limits import LIMITS
 
 __all__ = ["add_permission", "get_policy", "list_tags", "remove_permission", "tag_resource", "untag_resource"]
 
 
-def tag_resource(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def tag_resource(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Add tags to a function or a mapping."""
-    record = _tagged(book, asked)
+    record = _tagged(draft, asked)
     tags = {**record.document["tags"], **asked["Tags"]}
     if len(tags) > LIMITS.function_tags:
         raise FunctionInvalidError(f"Tags: at most {LIMITS.function_tags} are kept")
-    book.put(replace(record, document={**record.document, "tags": tags}))
+    draft.put(replace(record, document={**record.document, "tags": tags}))
     return {}
 
 
-def untag_resource(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def untag_resource(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Take tags away, whether they were there or not."""
-    record = _tagged(book, asked)
+    record = _tagged(draft, asked)
     tags = {key: value for key, value in record.document["tags"].items() if key not in asked["TagKeys"]}
-    book.put(replace(record, document={**record.document, "tags": tags}))
+    draft.put(replace(record, document={**record.document, "tags": tags}))
     return {}
 
 
@@ -48,13 +48,13 @@ def list_tags(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
     return {"Tags": dict(_tagged(records, asked).document["tags"])}
 
 
-def add_permission(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def add_permission(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """One more statement of a policy."""
     for name in ("FunctionUrlAuthType", "InvokedViaFunctionUrl"):
         if asked.get(name):
             raise NotImplementedHereError(f"{name} is not implemented by Meta-ROS: functions have no URLs of their own")
-    owner, qualifier = _place(book, asked)
-    record = book.get(POLICY, owner, qualifier) or Record(POLICY, owner, qualifier, {"statements": {}, "revision": ""})
+    owner, qualifier = _place(draft, asked)
+    record = draft.get(POLICY, owner, qualifier) or Record(POLICY, owner, qualifier, {"statements": {}, "revision": ""})
     _check_revision(record, asked)
     statements: dict[str, Any] = dict(record.document["statements"])
     if asked["StatementId"] in statements:
@@ -63,21 +63,21 @@ def add_permission(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     statements[asked["StatementId"]] = statement
     if len(_text(statements)) > LIMITS.function_policy_bytes:
         raise PolicyTooLongError(f"The policy would have over {LIMITS.function_policy_bytes} characters")
-    book.put(replace(record, document={"statements": statements, "revision": new_revision()}))
+    draft.put(replace(record, document={"statements": statements, "revision": new_revision()}))
     return {"Statement": json.dumps(statement)}
 
 
-def remove_permission(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def remove_permission(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """One statement less."""
-    record = _policy(book, asked)
+    record = _policy(draft, asked)
     _check_revision(record, asked)
     statements = dict(record.document["statements"])
     if statements.pop(asked["StatementId"], None) is None:
         raise UnknownFunctionError(f"Statement {asked['StatementId']} is not found in resource policy.")
     if statements:
-        book.put(replace(record, document={"statements": statements, "revision": new_revision()}))
+        draft.put(replace(record, document={"statements": statements, "revision": new_revision()}))
     else:
-        book.remove(record)
+        draft.remove(record)
     return {}
 
 

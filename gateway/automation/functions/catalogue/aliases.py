@@ -6,29 +6,29 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.functions.catalogue_lookup import check_revision, named, unknown
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_function
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import ALIAS, ASYNC, POLICY, PROVISIONED, VERSION, Draft, Records
-from gateway.functions.catalogue_settings import new_revision
-from gateway.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.lookup import check_revision, named, unknown
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_function
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import ALIAS, ASYNC, POLICY, PROVISIONED, VERSION, Draft, Records
+from gateway.automation.functions.catalogue.settings import new_revision
+from gateway.automation.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
+from gateway.store.automation.functions import Record
 from metaros.limits import LIMITS
 
 __all__ = ["change_alias", "create_alias", "delete_alias", "get_alias", "list_aliases", "shares", "update_alias"]
 
 
-def create_alias(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def create_alias(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """A new name for a version."""
-    owner, name = _owner(book, asked), asked["Name"]
+    owner, name = _owner(draft, asked), asked["Name"]
     if name.isdigit():
         raise FunctionInvalidError("Name: an alias is not all digits, which would be a version")
-    if book.get(ALIAS, owner, name) is not None:
+    if draft.get(ALIAS, owner, name) is not None:
         raise FunctionConflictError(f"Alias already exists: {function_arn(owner, name)}")
-    if len(book.all(ALIAS, owner)) >= LIMITS.function_aliases:
+    if len(draft.all(ALIAS, owner)) >= LIMITS.function_aliases:
         raise FunctionInvalidError(f"{owner} has {LIMITS.function_aliases} aliases, which is the bound: delete some")
     record = Record(ALIAS, owner, name, {"version": "", "weights": {}, "description": ""})
-    return _view(change_alias(book, record, asked))
+    return _view(change_alias(draft, record, asked))
 
 
 def get_alias(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,23 +44,23 @@ def list_aliases(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
     return page(found, asked, "Aliases", _view, key=lambda item: item.id)
 
 
-def update_alias(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def update_alias(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Let it lead elsewhere."""
-    record = _alias(book, asked)
+    record = _alias(draft, asked)
     check_revision(record, asked, whose="GetAlias")
-    return _view(change_alias(book, record, asked))
+    return _view(change_alias(draft, record, asked))
 
 
-def delete_alias(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_alias(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """It and its settings are gone; no error where there was none, as in AWS."""
-    owner = _owner(book, asked)
+    owner = _owner(draft, asked)
     for kind in (ALIAS, ASYNC, PROVISIONED, POLICY):
-        if (record := book.get(kind, owner, asked["Name"])) is not None:
-            book.remove(record)
+        if (record := draft.get(kind, owner, asked["Name"])) is not None:
+            draft.remove(record)
     return {}
 
 
-def change_alias(book: Draft, record: Record, asked: Mapping[str, Any]) -> Record:
+def change_alias(draft: Draft, record: Record, asked: Mapping[str, Any]) -> Record:
     """The alias with what is asked of version, weights and description.
 
     Raises:
@@ -76,13 +76,13 @@ def change_alias(book: Draft, record: Record, asked: Mapping[str, Any]) -> Recor
         document["weights"] = dict(asked["RoutingConfig"].get("AdditionalVersionWeights") or {})
     weights = document["weights"]
     for version in (document["version"], *weights):
-        if version != LATEST and book.get(VERSION, record.owner, version) is None:
+        if version != LATEST and draft.get(VERSION, record.owner, version) is None:
             raise unknown(record.owner, version)
     if weights and (len(weights) > 1 or LATEST in (document["version"], *weights) or document["version"] in weights):
         raise FunctionInvalidError("RoutingConfig: weights are for one more version, and none of the two is $LATEST")
     if not all(0 <= share <= 1 for share in weights.values()):
         raise FunctionInvalidError("RoutingConfig: a weight is 0 to 1")
-    return book.put(replace(record, document={**document, "revision": new_revision()}))
+    return draft.put(replace(record, document={**document, "revision": new_revision()}))
 
 
 def shares(record: Record) -> tuple[tuple[str, float], ...]:

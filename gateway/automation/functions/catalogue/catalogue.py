@@ -13,27 +13,27 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gateway.automation.functions.catalogue.aliases import change_alias, shares
+from gateway.automation.functions.catalogue.code import CodeStore
+from gateway.automation.functions.catalogue.layers import forget_layers
+from gateway.automation.functions.catalogue.links import CodeLinks
+from gateway.automation.functions.catalogue.lookup import check_revision, named, unknown
+from gateway.automation.functions.catalogue.mappings import mapping_row
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_function
+from gateway.automation.functions.catalogue.operations import OPERATIONS, REFUSED, Operation
+from gateway.automation.functions.catalogue.records import ALIAS, ASYNC, FUNCTION, MAPPING, VERSION, Draft, RecordCache
+from gateway.automation.functions.catalogue.settings import layer_of
+from gateway.automation.functions.catalogue.shapes import check_input, model
+from gateway.automation.functions.catalogue.spec import event_settings, make_spec
+from gateway.automation.functions.directory import EventInvoke, MappingRow, Resolved
+from gateway.automation.functions.errors import FunctionInvalidError, NotImplementedHereError
 from gateway.errors import GatewayError
-from gateway.functions.catalogue_aliases import change_alias, shares
-from gateway.functions.catalogue_code import CodeShelf
-from gateway.functions.catalogue_layers import forget_layers
-from gateway.functions.catalogue_links import CodeLinks
-from gateway.functions.catalogue_lookup import check_revision, named, unknown
-from gateway.functions.catalogue_mappings import mapping_row
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_function
-from gateway.functions.catalogue_records import ALIAS, ASYNC, FUNCTION, MAPPING, VERSION, Draft, Shelf
-from gateway.functions.catalogue_settings import layer_of
-from gateway.functions.catalogue_shapes import check_input, model
-from gateway.functions.catalogue_spec import event_settings, make_spec
-from gateway.functions.catalogue_table import OPERATIONS, REFUSED, Operation
-from gateway.functions.directory import EventInvoke, MappingRow, Resolved
-from gateway.functions.errors import FunctionInvalidError, NotImplementedHereError
-from gateway.objects import ObjectStore
 from gateway.store import Store
+from gateway.store.automation.functions import Record, link_secret, read_change, read_records
 from gateway.store.engine import StoreEngine
-from gateway.store.functions import Record, link_secret, read_change, read_records
+from gateway.store.objects import ObjectStore
+from metaros.automation.functions.calls import FunctionSpec
 from metaros.clock import Clock
-from metaros.functions.calls import FunctionSpec
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Catalogue"]
@@ -59,9 +59,9 @@ class Catalogue:
         """`folder` is for unpacked code; `in_use` tells which folders of it workers have open."""
         self._store = store
         self._clock = clock
-        self._code = CodeShelf(store, objects, folder, clock=clock, in_use=in_use, limits=limits)
+        self._code = CodeStore(store, objects, folder, clock=clock, in_use=in_use, limits=limits)
         self.links = CodeLinks(clock=clock)
-        self._shelf = Shelf()
+        self._cache = RecordCache()
         self._change = -1
         self._listeners: list[Callable[[str], None]] = []
         self._results: dict[str, str] = {}  # of mappings, by UUID
@@ -72,7 +72,7 @@ class Catalogue:
         await asyncio.to_thread(self._code.open)
         fresh = secrets.token_hex(32)
         self.links.learn(await self._store.run(lambda engine: link_secret(engine, fresh)))
-        await self.look()
+        await self.refresh()
 
     async def run(self) -> None:
         """See what other gateways change, and delete code that nobody has, until cancelled."""
@@ -81,7 +81,7 @@ class Catalogue:
             await asyncio.sleep(POLL_S)
             try:
                 if self._store.shared:
-                    await self.look()
+                    await self.refresh()
                 if self._clock.monotonic_s() - swept_s >= SWEEP_S:
                     swept_s = self._clock.monotonic_s()
                     await self.sweep()
@@ -102,9 +102,9 @@ class Catalogue:
         if row.code is not None:
             asked = await self._with_code(row, asked)
         if not row.writes:
-            return self._finished(operation, row.run(self._shelf, asked))
+            return self._finished(operation, row.run(self._cache, asked))
         run = row.run
-        return self._finished(operation, await self._write(lambda book: run(book, asked)))
+        return self._finished(operation, await self._write(lambda draft: run(draft, asked)))
 
     @staticmethod
     def operation(name: str) -> Operation:
@@ -117,14 +117,14 @@ class Catalogue:
     def resolve(self, name: str, qualifier: str = "") -> Resolved:
         """What a name or ARN means now."""
         owner, said = parse_function(name, qualifier)
-        named(self._shelf, owner)
+        named(self._cache, owner)
         arn = function_arn(owner, said)
         if said in ("", LATEST):
             return Resolved(owner, said, arn, ((LATEST, 1.0),))
         if said.isdigit():
             self._version(owner, said)
             return Resolved(owner, said, arn, ((said, 1.0),))
-        alias = self._shelf.get(ALIAS, owner, said)
+        alias = self._cache.get(ALIAS, owner, said)
         if alias is None:
             raise unknown(owner, said)
         return Resolved(owner, said, arn, shares(alias))
@@ -132,22 +132,22 @@ class Catalogue:
     async def spec(self, name: str, version: str) -> FunctionSpec:
         """A version as the engine runs it, its code unpacked."""
         record = self._version(name, version or LATEST)
-        layers = [layer_of(arn, self._shelf) for arn in record.document["settings"]["Layers"]]
+        layers = [layer_of(arn, self._cache) for arn in record.document["settings"]["Layers"]]
         folders = [await self._code.folder(item.code) for item in (record, *layers)]
-        return make_spec(record, self._shelf, code_dir=folders[0], layer_dirs=tuple(folders[1:]))
+        return make_spec(record, self._cache, code_dir=folders[0], layer_dirs=tuple(folders[1:]))
 
     def names(self) -> list[str]:
         """Every function."""
-        return [record.owner for record in self._shelf.all(FUNCTION)]
+        return [record.owner for record in self._cache.all(FUNCTION)]
 
     def event_invoke(self, name: str, qualifier: str) -> EventInvoke:
         """The settings of a function's events."""
-        latest = self._shelf.get(FUNCTION, name, LATEST)
-        return event_settings(latest, self._shelf.get(ASYNC, name, qualifier or LATEST))
+        latest = self._cache.get(FUNCTION, name, LATEST)
+        return event_settings(latest, self._cache.get(ASYNC, name, qualifier or LATEST))
 
     def mappings(self) -> Sequence[MappingRow]:
         """Every event source mapping."""
-        return [mapping_row(record) for record in self._shelf.all(MAPPING)]
+        return [mapping_row(record) for record in self._cache.all(MAPPING)]
 
     def note_mapping(self, uuid: str, result: str) -> None:
         """What came of its last batch; in memory only."""
@@ -157,11 +157,11 @@ class Catalogue:
         """Let an alias lead to a version, and to others with these shares."""
         asked = {"FunctionVersion": version, "RoutingConfig": {"AdditionalVersionWeights": dict(weights)}}
 
-        def job(book: Draft) -> dict[str, Any]:
-            record = book.get(ALIAS, name, alias)
+        def job(draft: Draft) -> dict[str, Any]:
+            record = draft.get(ALIAS, name, alias)
             if record is None:
                 raise unknown(name, alias)
-            change_alias(book, record, asked)
+            change_alias(draft, record, asked)
             return {}
 
         await self._write(job)
@@ -182,8 +182,8 @@ class Catalogue:
     async def sweep(self) -> None:
         """Delete code that nothing has any more."""
 
-        def job(book: Draft) -> dict[str, Any]:
-            forget_layers(book)
+        def job(draft: Draft) -> dict[str, Any]:
+            forget_layers(draft)
             return {}
 
         await self._write(job)
@@ -212,25 +212,25 @@ class Catalogue:
         """What can be told before the code is stored; the transaction decides."""
         name = parse_function(asked["FunctionName"]).name
         if row.name == "UpdateFunctionCode":
-            check_revision(named(self._shelf, name), asked)
+            check_revision(named(self._cache, name), asked)
 
     async def _write(self, job: Callable[[Draft], dict[str, Any]]) -> dict[str, Any]:
         now_ns = self._clock.wall_ns()
 
         def run(engine: StoreEngine) -> tuple[Draft, dict[str, Any]]:
-            book = Draft(engine, now_ns=now_ns)
-            return book, job(book)
+            draft = Draft(engine, now_ns=now_ns)
+            return draft, job(draft)
 
-        book, answer = await self._store.run(run)
-        if book.change == self._change + 1 or not self._store.shared:
-            self._shelf.apply(book)
-            self._change = book.change
+        draft, answer = await self._store.run(run)
+        if draft.change == self._change + 1 or not self._store.shared:
+            self._cache.apply(draft)
+            self._change = draft.change
         else:
-            await self.look()
-        self._tell(book.owners, mappings=MAPPING in book.kinds)
+            await self.refresh()
+        self._report(draft.owners, mappings=MAPPING in draft.kinds)
         return answer
 
-    async def look(self) -> None:
+    async def refresh(self) -> None:
         """Read everything again where somebody has changed something."""
 
         def job(engine: StoreEngine) -> tuple[int, list[Record] | None]:
@@ -241,12 +241,12 @@ class Catalogue:
         change, records = await self._store.read(job)
         if records is None or change <= self._change:
             return
-        shelf, old = Shelf(records), self._shelf
-        self._shelf, self._change = shelf, change
-        owners = {record.owner for record in (*shelf.all(FUNCTION), *old.all(FUNCTION))}
-        self._tell({owner for owner in owners if _build(shelf, owner) != _build(old, owner)}, mappings=True)
+        cache, old = RecordCache(records), self._cache
+        self._cache, self._change = cache, change
+        owners = {record.owner for record in (*cache.all(FUNCTION), *old.all(FUNCTION))}
+        self._report({owner for owner in owners if _build(cache, owner) != _build(old, owner)}, mappings=True)
 
-    def _tell(self, owners: Collection[str], *, mappings: bool) -> None:
+    def _report(self, owners: Collection[str], *, mappings: bool) -> None:
         for listener in self._listeners:
             for owner in sorted(owners):
                 listener(owner)
@@ -254,7 +254,7 @@ class Catalogue:
                 listener("")
 
     def _version(self, name: str, version: str) -> Record:
-        record = self._shelf.get(FUNCTION if version == LATEST else VERSION, name, version)
+        record = self._cache.get(FUNCTION if version == LATEST else VERSION, name, version)
         if record is None:
             raise unknown(name, version)
         return record
@@ -267,6 +267,6 @@ class Catalogue:
         return answer
 
 
-def _build(shelf: Shelf, owner: str) -> list[Record]:
+def _build(cache: RecordCache, owner: str) -> list[Record]:
     """All that is known of a function."""
-    return [record for kind in (FUNCTION, VERSION, ALIAS, ASYNC) for record in shelf.all(kind, owner)]
+    return [record for kind in (FUNCTION, VERSION, ALIAS, ASYNC) for record in cache.all(kind, owner)]

@@ -17,19 +17,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gateway.automation.functions.errors import CodeStorageFullError, UnknownFunctionError
 from gateway.errors import CorruptObjectError, ObjectMissingError, OverloadedError
-from gateway.functions.errors import CodeStorageFullError, UnknownFunctionError
-from gateway.objects import ObjectStore, chunks
 from gateway.store import Store
-from gateway.store import functions as rows
+from gateway.store.automation import functions as rows
+from gateway.store.automation.functions import StoredCode
 from gateway.store.engine import StoreEngine
-from gateway.store.functions import StoredCode
-from gateway.store.hold import objects_held
+from gateway.store.object_hold import objects_held
+from gateway.store.objects import ObjectStore, chunks
+from metaros.automation.functions.package import check_zip, discard, unpack
 from metaros.clock import Clock
-from metaros.functions.package import check_zip, discard, unpack
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["CodeFacts", "CodeShelf"]
+__all__ = ["CodeFacts", "CodeStore"]
 
 HANDED_S = 120.0  # that a folder stays after it was asked for: a worker may be about to open it
 UNUSED_S = 3600.0  # that code is kept that no function has: its own may be about to be made
@@ -51,7 +51,7 @@ class CodeFacts:
         return {"code": self.sha256, "code_bytes": self.size_bytes, "unpacked_bytes": self.unpacked_bytes}
 
 
-class CodeShelf:
+class CodeStore:
     """The code of one gateway's functions."""
 
     def __init__(

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.functions.catalogue_lookup import named, version_of
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_function
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import FUNCTION, PROVISIONED, VERSION, Draft, Records
-from gateway.functions.catalogue_settings import timestamp
-from gateway.functions.errors import FunctionInvalidError, NoProvisionedError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.lookup import named, version_of
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_function
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import FUNCTION, PROVISIONED, VERSION, Draft, Records
+from gateway.automation.functions.catalogue.settings import timestamp
+from gateway.automation.functions.errors import FunctionInvalidError, NoProvisionedError
+from gateway.store.automation.functions import Record
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -29,18 +29,18 @@ __all__ = [
 UNRESERVED_LEAST = 1  # of all workers: functions without a reservation have to run, too
 
 
-def put_function_concurrency(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def put_function_concurrency(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Reserve, and bound, how many calls of the function run at a time; 0 stops it."""
-    record, wanted = _bare(book, asked), asked["ReservedConcurrentExecutions"]
-    left = _unreserved(book, but=record.owner) - wanted
+    record, wanted = _bare(draft, asked), asked["ReservedConcurrentExecutions"]
+    left = _unreserved(draft, but=record.owner) - wanted
     if left < UNRESERVED_LEAST:
         raise FunctionInvalidError(
             f"ReservedConcurrentExecutions {wanted} would leave {max(left, 0)} of {LIMITS.function_workers} workers to"
             f" functions without a reservation: at least {UNRESERVED_LEAST} stays"
         )
-    if wanted < (warm := sum(item.document["wanted"] for item in book.all(PROVISIONED, record.owner))):
+    if wanted < (warm := sum(item.document["wanted"] for item in draft.all(PROVISIONED, record.owner))):
         raise FunctionInvalidError(f"ReservedConcurrentExecutions {wanted} is under the {warm} that are kept warm")
-    book.put(replace(record, document={**record.document, "reserved": wanted}))
+    draft.put(replace(record, document={**record.document, "reserved": wanted}))
     return {"ReservedConcurrentExecutions": wanted}
 
 
@@ -50,29 +50,29 @@ def get_function_concurrency(records: Records, asked: Mapping[str, Any]) -> dict
     return {} if reserved is None else {"ReservedConcurrentExecutions": reserved}
 
 
-def delete_function_concurrency(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_function_concurrency(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Reserve nothing."""
-    record = _bare(book, asked)
-    book.put(replace(record, document={**record.document, "reserved": None}))
+    record = _bare(draft, asked)
+    draft.put(replace(record, document={**record.document, "reserved": None}))
     return {}
 
 
-def put_provisioned_concurrency_config(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def put_provisioned_concurrency_config(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Keep that many workers of a version, or of an alias' main one, ready."""
-    owner, qualifier = _qualified(book, asked)
+    owner, qualifier = _qualified(draft, asked)
     wanted, others = asked["ProvisionedConcurrentExecutions"], 0
-    for item in book.all(PROVISIONED):
+    for item in draft.all(PROVISIONED):
         others += item.document["wanted"] if (item.owner, item.id) != (owner, qualifier) else 0
     if wanted + others > LIMITS.function_workers - UNRESERVED_LEAST:
         raise FunctionInvalidError(
             f"ProvisionedConcurrentExecutions {wanted}, with {others} elsewhere, is over what"
             f" {LIMITS.function_workers} workers allow"
         )
-    reserved = named(book, owner).document["reserved"]
+    reserved = named(draft, owner).document["reserved"]
     if reserved is not None and wanted > reserved:
         raise FunctionInvalidError(f"ProvisionedConcurrentExecutions {wanted} is over the {reserved} that are reserved")
-    document = {"wanted": wanted, "modified_ns": book.now_ns}
-    return _provisioned(book.put(Record(PROVISIONED, owner, qualifier, document)))
+    document = {"wanted": wanted, "modified_ns": draft.now_ns}
+    return _provisioned(draft.put(Record(PROVISIONED, owner, qualifier, document)))
 
 
 def get_provisioned_concurrency_config(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -80,9 +80,9 @@ def get_provisioned_concurrency_config(records: Records, asked: Mapping[str, Any
     return _provisioned(_config(records, asked))
 
 
-def delete_provisioned_concurrency_config(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_provisioned_concurrency_config(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Keep nothing warm."""
-    book.remove(_config(book, asked))
+    draft.remove(_config(draft, asked))
     return {}
 
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.functions.catalogue_lookup import named, version_of
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_function
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import ASYNC, Draft, Records
-from gateway.functions.errors import UnknownFunctionError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.lookup import named, version_of
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_function
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import ASYNC, Draft, Records
+from gateway.automation.functions.errors import UnknownFunctionError
+from gateway.store.automation.functions import Record
 
 __all__ = [
     "delete_function_event_invoke_config",
@@ -24,15 +24,15 @@ __all__ = [
 _MEMBERS = ("MaximumRetryAttempts", "MaximumEventAgeInSeconds", "DestinationConfig")
 
 
-def put_function_event_invoke_config(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def put_function_event_invoke_config(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Just these settings: what is not asked for is as usual again."""
-    owner, qualifier = _place(book, asked)
-    return _kept(book, Record(ASYNC, owner, qualifier, {}), asked)
+    owner, qualifier = _place(draft, asked)
+    return _kept(draft, Record(ASYNC, owner, qualifier, {}), asked)
 
 
-def update_function_event_invoke_config(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def update_function_event_invoke_config(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Other settings where they are asked for."""
-    return _kept(book, _config(book, asked), asked)
+    return _kept(draft, _config(draft, asked), asked)
 
 
 def get_function_event_invoke_config(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -40,9 +40,9 @@ def get_function_event_invoke_config(records: Records, asked: Mapping[str, Any])
     return _view(_config(records, asked))
 
 
-def delete_function_event_invoke_config(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_function_event_invoke_config(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Everything as usual."""
-    book.remove(_config(book, asked))
+    draft.remove(_config(draft, asked))
     return {}
 
 
@@ -66,9 +66,9 @@ def _config(records: Records, asked: Mapping[str, Any]) -> Record:
     return record
 
 
-def _kept(book: Draft, record: Record, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _kept(draft: Draft, record: Record, asked: Mapping[str, Any]) -> dict[str, Any]:
     wanted = {name: asked[name] for name in _MEMBERS if asked.get(name) is not None}
-    return _view(book.put(replace(record, document={**record.document, **wanted, "modified_ns": book.now_ns})))
+    return _view(draft.put(replace(record, document={**record.document, **wanted, "modified_ns": draft.now_ns})))
 
 
 def _view(record: Record) -> dict[str, Any]:

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.functions.catalogue_aliases import shares
-from gateway.functions.catalogue_code import CodeFacts
-from gateway.functions.catalogue_lookup import check_revision, named, place, unknown, version_of
-from gateway.functions.catalogue_names import LATEST, parse_function
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import (
+from gateway.automation.functions.catalogue.aliases import shares
+from gateway.automation.functions.catalogue.code import CodeFacts
+from gateway.automation.functions.catalogue.lookup import check_revision, named, place, unknown, version_of
+from gateway.automation.functions.catalogue.names import LATEST, parse_function
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import (
     ALIAS,
     ASYNC,
     FUNCTION,
@@ -22,14 +22,14 @@ from gateway.functions.catalogue_records import (
     Draft,
     Records,
 )
-from gateway.functions.catalogue_settings import check_unpacked, configuration, new_revision, take_settings
-from gateway.functions.catalogue_versions import publish
-from gateway.functions.errors import (
+from gateway.automation.functions.catalogue.settings import check_unpacked, configuration, new_revision, take_settings
+from gateway.automation.functions.catalogue.versions import publish
+from gateway.automation.functions.errors import (
     FunctionConflictError,
     FunctionInvalidError,
     NotImplementedHereError,
 )
-from gateway.store.functions import Record
+from gateway.store.automation.functions import Record
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -43,32 +43,32 @@ __all__ = [
 ]
 
 
-def create_function(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def create_function(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """A new function; with Publish its first version, too."""
     name, qualifier = parse_function(asked["FunctionName"])
     if qualifier:
         raise FunctionInvalidError("FunctionName: a new function's name has no qualifier")
-    if book.get(FUNCTION, name, LATEST) is not None:
+    if draft.get(FUNCTION, name, LATEST) is not None:
         raise FunctionConflictError(f"Function already exist: {name}")
-    if len(book.all(FUNCTION)) >= LIMITS.functions:
+    if len(draft.all(FUNCTION)) >= LIMITS.functions:
         raise FunctionInvalidError(f"There are {LIMITS.functions} functions already, which is the bound: delete one")
     code: CodeFacts = asked["Code"]
     document = {
-        "settings": take_settings(asked, book),
+        "settings": take_settings(asked, draft),
         **code.document,
         "build": new_revision(),
         "revision": new_revision(),
-        "modified_ns": book.now_ns,
+        "modified_ns": draft.now_ns,
         "next": 1,
         "reserved": None,
         "tags": dict(asked.get("Tags") or {}),
     }
-    check_unpacked(document, book)
-    record = book.put(Record(FUNCTION, name, LATEST, document))
+    check_unpacked(document, draft)
+    record = draft.put(Record(FUNCTION, name, LATEST, document))
     if asked.get("Publish"):
-        record = publish(book, record)
-        return configuration(record, book, qualifier=record.id)
-    return configuration(record, book)
+        record = publish(draft, record)
+        return configuration(record, draft, qualifier=record.id)
+    return configuration(record, draft)
 
 
 def get_function(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,68 +105,68 @@ def list_functions(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]
     return page(found, asked, "Functions", shown, key=place)
 
 
-def update_function_configuration(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def update_function_configuration(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Other settings for what is being worked on."""
-    record = _latest(book, asked)
-    settings = take_settings(asked, book, record.document["settings"])
-    return configuration(_changed(book, record, settings=settings), book)
+    record = _latest(draft, asked)
+    settings = take_settings(asked, draft, record.document["settings"])
+    return configuration(_changed(draft, record, settings=settings), draft)
 
 
-def update_function_code(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def update_function_code(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Other code for what is being worked on; with DryRun only what would become of it."""
-    record = _latest(book, asked)
+    record = _latest(draft, asked)
     take_settings(
         {name: asked[name] for name in ("Architectures", "PublishTo") if name in asked},
-        book,
+        draft,
         record.document["settings"],
     )
     code: CodeFacts = asked["Code"]
     if asked.get("DryRun"):
-        return configuration(replace(record, document={**record.document, **code.document}), book)
-    record = _changed(book, record, **code.document)
+        return configuration(replace(record, document={**record.document, **code.document}), draft)
+    record = _changed(draft, record, **code.document)
     if asked.get("Publish"):
-        record = publish(book, record)
-        return configuration(record, book, qualifier=record.id)
-    return configuration(record, book)
+        record = publish(draft, record)
+        return configuration(record, draft, qualifier=record.id)
+    return configuration(record, draft)
 
 
-def delete_function(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_function(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """A version that no alias needs; without a qualifier the function, with all that belongs to it."""
     name, qualifier = parse_function(asked["FunctionName"], asked.get("Qualifier") or "")
-    record = named(book, name)
+    record = named(draft, name)
     if not qualifier:
-        book.remove(record)
+        draft.remove(record)
         for kind in (VERSION, ALIAS, ASYNC, PROVISIONED, POLICY, MAPPING):
-            for item in book.all(kind, name):
-                book.remove(item)
+            for item in draft.all(kind, name):
+                draft.remove(item)
         return {}
     if not qualifier.isdigit():
         raise FunctionInvalidError(
             f"Qualifier {qualifier!r}: a version's number is deleted here; aliases by DeleteAlias"
         )
-    version = book.get(VERSION, name, qualifier)
+    version = draft.get(VERSION, name, qualifier)
     if version is None:
         raise unknown(name, qualifier)
-    users = [item.id for item in book.all(ALIAS, name) if qualifier in dict(shares(item))]
+    users = [item.id for item in draft.all(ALIAS, name) if qualifier in dict(shares(item))]
     if users:
         raise FunctionConflictError(f"Version {qualifier} of {name} is used by the aliases {', '.join(users)[:200]}")
     for kind in (ASYNC, PROVISIONED, POLICY):
-        if (setting := book.get(kind, name, qualifier)) is not None:
-            book.remove(setting)
-    book.remove(version)
+        if (setting := draft.get(kind, name, qualifier)) is not None:
+            draft.remove(setting)
+    draft.remove(version)
     return {}
 
 
-def _latest(book: Draft, asked: Mapping[str, Any]) -> Record:
+def _latest(draft: Draft, asked: Mapping[str, Any]) -> Record:
     name, qualifier = parse_function(asked["FunctionName"])
     if qualifier not in ("", LATEST):
         raise FunctionInvalidError("FunctionName: a version never changes; leave the qualifier out")
-    record = named(book, name)
+    record = named(draft, name)
     check_revision(record, asked)
     return record
 
 
-def _changed(book: Draft, record: Record, **changes: Any) -> Record:
+def _changed(draft: Draft, record: Record, **changes: Any) -> Record:
     """The function with other settings or code; asking for what it has changes the revision all the same."""
     same = all(record.document[key] == value for key, value in changes.items())
     build = record.document["build"] if same else new_revision()
@@ -175,7 +175,7 @@ def _changed(book: Draft, record: Record, **changes: Any) -> Record:
         **changes,
         "build": build,
         "revision": new_revision(),
-        "modified_ns": book.now_ns,
+        "modified_ns": draft.now_ns,
     }
-    check_unpacked(document, book)
-    return book.put(replace(record, document=document))
+    check_unpacked(document, draft)
+    return draft.put(replace(record, document=document))

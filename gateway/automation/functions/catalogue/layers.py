@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.functions.catalogue_code import CodeFacts
-from gateway.functions.catalogue_names import LayerName, layer_arn, parse_layer, parse_layer_version
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import FUNCTION, LAYER, LAYER_GONE, LAYER_NAME, VERSION, Draft, Records
-from gateway.functions.catalogue_settings import shown_sha256, timestamp
-from gateway.functions.errors import FunctionInvalidError, UnknownFunctionError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.code import CodeFacts
+from gateway.automation.functions.catalogue.names import LayerName, layer_arn, parse_layer, parse_layer_version
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import (
+    FUNCTION,
+    LAYER,
+    LAYER_GONE,
+    LAYER_NAME,
+    VERSION,
+    Draft,
+    Records,
+)
+from gateway.automation.functions.catalogue.settings import shown_sha256, timestamp
+from gateway.automation.functions.errors import FunctionInvalidError, UnknownFunctionError
+from gateway.store.automation.functions import Record
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -27,20 +35,20 @@ __all__ = [
 _PLAIN = ("Description", "CompatibleArchitectures", "CompatibleRuntimes", "LicenseInfo")
 
 
-def publish_layer_version(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def publish_layer_version(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Another version; a number is never used again, not even after it was deleted."""
     name = parse_layer(asked["LayerName"])
     if name.version:
         raise FunctionInvalidError("LayerName: a version's number is given, not asked for")
-    if len(book.all(LAYER)) >= LIMITS.function_layer_versions:
+    if len(draft.all(LAYER)) >= LIMITS.function_layer_versions:
         raise FunctionInvalidError(f"There are {LIMITS.function_layer_versions} layer versions, which is the bound")
-    counted = book.get(LAYER_NAME, name.name, "")
+    counted = draft.get(LAYER_NAME, name.name, "")
     number = int(counted.document["next"]) if counted is not None else 1
-    book.put(Record(LAYER_NAME, name.name, "", {"next": number + 1}))
+    draft.put(Record(LAYER_NAME, name.name, "", {"next": number + 1}))
     code: CodeFacts = asked["Content"]
     said = {key: asked[key] for key in _PLAIN if asked.get(key) is not None}
-    document = {**code.document, "said": said, "modified_ns": book.now_ns}
-    return _view(book.put(Record(LAYER, name.name, str(number), document)), content=True)
+    document = {**code.document, "said": said, "modified_ns": draft.now_ns}
+    return _view(draft.put(Record(LAYER, name.name, str(number), document)), content=True)
 
 
 def get_layer_version(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -72,23 +80,23 @@ def list_layers(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
     return page([newest[name] for name in sorted(newest)], asked, "Layers", shown, key=lambda item: item.owner)
 
 
-def delete_layer_version(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_layer_version(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Nobody can choose it any more; functions that have it keep it. No error where there is none, as in AWS."""
     name = _numbered(asked)
-    record = book.get(LAYER, name.name, str(name.version))
+    record = draft.get(LAYER, name.name, str(name.version))
     if record is not None:
-        book.put(Record(LAYER_GONE, record.owner, record.id, record.document))
-        book.remove(record)
+        draft.put(Record(LAYER_GONE, record.owner, record.id, record.document))
+        draft.remove(record)
     return {}
 
 
-def forget_layers(book: Draft) -> None:
+def forget_layers(draft: Draft) -> None:
     """Let go of deleted versions that no function has any more."""
-    users = [*book.all(FUNCTION), *book.all(VERSION)]
+    users = [*draft.all(FUNCTION), *draft.all(VERSION)]
     names = {parse_layer_version(arn) for item in users for arn in item.document["settings"]["Layers"]}
-    for record in book.all(LAYER_GONE):
+    for record in draft.all(LAYER_GONE):
         if LayerName(record.owner, int(record.id)) not in names:
-            book.remove(record)
+            draft.remove(record)
 
 
 def _numbered(asked: Mapping[str, Any]) -> LayerName:

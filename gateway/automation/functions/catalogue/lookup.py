@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.functions.catalogue_names import LATEST, function_arn, parse_function
-from gateway.functions.catalogue_records import ALIAS, FUNCTION, VERSION, Records
-from gateway.functions.errors import FunctionChangedError, UnknownFunctionError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.names import LATEST, function_arn, parse_function
+from gateway.automation.functions.catalogue.records import ALIAS, FUNCTION, VERSION, Records
+from gateway.automation.functions.errors import FunctionChangedError, UnknownFunctionError
+from gateway.store.automation.functions import Record
 
 __all__ = ["check_revision", "named", "place", "unknown", "version_of"]
 

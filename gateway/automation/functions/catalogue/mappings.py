@@ -8,23 +8,23 @@ from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
-from gateway.functions.catalogue_lookup import version_of
-from gateway.functions.catalogue_names import function_arn, mapping_arn, parse_function
-from gateway.functions.catalogue_pages import page
-from gateway.functions.catalogue_records import MAPPING, Draft, Records
-from gateway.functions.catalogue_settings import new_revision
-from gateway.functions.directory import MappingRow
-from gateway.functions.errors import (
+from gateway.automation.functions.catalogue.lookup import version_of
+from gateway.automation.functions.catalogue.names import function_arn, mapping_arn, parse_function
+from gateway.automation.functions.catalogue.pages import page
+from gateway.automation.functions.catalogue.records import MAPPING, Draft, Records
+from gateway.automation.functions.catalogue.settings import new_revision
+from gateway.automation.functions.directory import MappingRow
+from gateway.automation.functions.errors import (
     FunctionConflictError,
     FunctionInvalidError,
     NotImplementedHereError,
     UnknownFunctionError,
 )
-from gateway.functions.topic_arn import parse_topic_arn
-from gateway.store.functions import Record
+from gateway.automation.functions.topic_arn import parse_topic_arn
+from gateway.store.automation.functions import Record
+from metaros.automation.rules.errors import PatternError
+from metaros.automation.rules.pattern import compile_pattern
 from metaros.limits import LIMITS
-from metaros.rules.errors import PatternError
-from metaros.rules.pattern import compile_pattern
 
 __all__ = [
     "create_event_source_mapping",
@@ -74,18 +74,18 @@ _REFUSED = (
 )
 
 
-def create_event_source_mapping(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def create_event_source_mapping(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """A new one; of one source and function there is one."""
     if not asked.get("EventSourceArn"):
         raise FunctionInvalidError("EventSourceArn is required: arn:aws:metaros:::topic/ROBOTS/TOPIC")
     parse_topic_arn(asked["EventSourceArn"])
-    owner, qualifier = _function(book, asked)
-    for item in book.all(MAPPING, owner):
+    owner, qualifier = _function(draft, asked)
+    for item in draft.all(MAPPING, owner):
         if (item.document["source"], item.document["qualifier"]) == (asked["EventSourceArn"], qualifier):
             raise FunctionConflictError(
                 f"An event source mapping with this source and function exists already: UUID {item.id}"
             )
-    if len(book.all(MAPPING)) >= LIMITS.function_mappings:
+    if len(draft.all(MAPPING)) >= LIMITS.function_mappings:
         raise FunctionInvalidError(f"There are {LIMITS.function_mappings} event source mappings, which is the bound")
     document = {
         **_USUAL,
@@ -93,10 +93,10 @@ def create_event_source_mapping(book: Draft, asked: Mapping[str, Any]) -> dict[s
         "qualifier": qualifier,
         **_start(asked),
         **_taken(asked),
-        "modified_ns": book.now_ns,
+        "modified_ns": draft.now_ns,
         "tags": dict(asked.get("Tags") or {}),
     }
-    return _view(book.put(Record(MAPPING, owner, new_revision(), document)), "Creating")
+    return _view(draft.put(Record(MAPPING, owner, new_revision(), document)), "Creating")
 
 
 def get_event_source_mapping(records: Records, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,22 +115,22 @@ def list_event_source_mappings(records: Records, asked: Mapping[str, Any]) -> di
     return page(sorted(found, key=lambda item: item.id), asked, "EventSourceMappings", _view, key=lambda item: item.id)
 
 
-def update_event_source_mapping(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def update_event_source_mapping(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Other settings, or another function."""
-    record = _found(book, asked)
-    document = {**record.document, **_taken(asked), "modified_ns": book.now_ns}
+    record = _found(draft, asked)
+    document = {**record.document, **_taken(asked), "modified_ns": draft.now_ns}
     if asked.get("FunctionName"):
-        owner, document["qualifier"] = _function(book, asked)
+        owner, document["qualifier"] = _function(draft, asked)
         if owner != record.owner:
-            book.remove(record)
+            draft.remove(record)
             record = replace(record, owner=owner)
-    return _view(book.put(replace(record, document=document)), "Updating")
+    return _view(draft.put(replace(record, document=document)), "Updating")
 
 
-def delete_event_source_mapping(book: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
+def delete_event_source_mapping(draft: Draft, asked: Mapping[str, Any]) -> dict[str, Any]:
     """It is gone at once; what it has put into the queue is still delivered."""
-    record = _found(book, asked)
-    book.remove(record)
+    record = _found(draft, asked)
+    draft.remove(record)
     return _view(record, "Deleting")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from gateway.functions.errors import FunctionInvalidError, UnknownFunctionError
+from gateway.automation.functions.errors import FunctionInvalidError, UnknownFunctionError
 
 __all__ = [
     "ACCOUNT",

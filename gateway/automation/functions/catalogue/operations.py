@@ -6,14 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.functions import catalogue_access as access
-from gateway.functions import catalogue_aliases as aliases
-from gateway.functions import catalogue_concurrency as concurrency
-from gateway.functions import catalogue_events as events
-from gateway.functions import catalogue_functions as functions
-from gateway.functions import catalogue_layers as layers
-from gateway.functions import catalogue_mappings as mappings
-from gateway.functions import catalogue_versions as versions
+from gateway.automation.functions.catalogue import (
+    access,
+    aliases,
+    concurrency,
+    events,
+    functions,
+    layers,
+    mappings,
+    versions,
+)
 
 __all__ = ["OPERATIONS", "REFUSED", "Operation"]
 

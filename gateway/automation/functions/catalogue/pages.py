@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from gateway.functions.errors import FunctionInvalidError
+from gateway.automation.functions.errors import FunctionInvalidError
 
 __all__ = ["page"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Protocol
 
-from gateway.store import functions as rows
+from gateway.store.automation import functions as rows
+from gateway.store.automation.functions import Record
 from gateway.store.engine import StoreEngine
-from gateway.store.functions import Record
 
 __all__ = [
     "ALIAS",
@@ -21,8 +21,8 @@ __all__ = [
     "PROVISIONED",
     "VERSION",
     "Draft",
+    "RecordCache",
     "Records",
-    "Shelf",
 ]
 
 # What a record is. Its owner is the function's or the layer's name; its id what is said here.
@@ -48,7 +48,7 @@ class Records(Protocol):
         """Those of a kind, of one owner or of all; by owner, then by id."""
 
 
-class Shelf:
+class RecordCache:
     """Every record as it was committed last."""
 
     def __init__(self, records: Iterable[Record] = ()) -> None:

@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.functions.catalogue_names import LATEST, REGION, function_arn, parse_layer_version
-from gateway.functions.catalogue_records import LAYER, LAYER_GONE, Records
-from gateway.functions.errors import FunctionInvalidError, NotImplementedHereError, UnknownFunctionError
-from gateway.store.functions import Record
+from gateway.automation.functions.catalogue.names import LATEST, REGION, function_arn, parse_layer_version
+from gateway.automation.functions.catalogue.records import LAYER, LAYER_GONE, Records
+from gateway.automation.functions.errors import FunctionInvalidError, NotImplementedHereError, UnknownFunctionError
+from gateway.store.automation.functions import Record
+from metaros.automation.functions.egress.rules import EGRESS, parse_egress
 from metaros.errors import FieldError
-from metaros.functions.egress_rules import EGRESS, parse_egress
 from metaros.limits import LIMITS
 
 __all__ = ["check_unpacked", "configuration", "layer_of", "new_revision", "shown_sha256", "take_settings", "timestamp"]

@@ -16,7 +16,7 @@ from typing import Any
 from botocore.loaders import Loader
 from botocore.model import OperationModel, ServiceModel, Shape
 
-from gateway.functions.errors import FunctionInvalidError
+from gateway.automation.functions.errors import FunctionInvalidError
 
 __all__ = ["check_input", "faults_of", "model"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.functions.catalogue_names import LATEST, function_arn
-from gateway.functions.catalogue_records import ALIAS, FUNCTION, PROVISIONED, Records
-from gateway.functions.directory import EventInvoke
-from gateway.store.functions import Record
-from metaros.functions.calls import FunctionSpec
+from gateway.automation.functions.catalogue.names import LATEST, function_arn
+from gateway.automation.functions.catalogue.records import ALIAS, FUNCTION, PROVISIONED, Records
+from gateway.automation.functions.directory import EventInvoke
+from gateway.store.automation.functions import Record
+from metaros.automation.functions.calls import FunctionSpec
 from metaros.limits import LIMITS
 
 __all__ = ["event_settings", "make_spec"]

@@ -8,10 +8,10 @@ from typing import Any, Final, Protocol
 
 import orjson
 
-from gateway.domain.happening import Happening
-from gateway.domain.shapes import eventbridge
-from gateway.functions.directory import MappingRow
-from gateway.store.mapping_cursors import Cursor
+from gateway.automation.functions.directory import MappingRow
+from gateway.domain.automation.gateway_event import GatewayEvent
+from gateway.domain.automation.shapes import eventbridge
+from gateway.store.automation.mapping_cursors import Cursor
 
 __all__ = ["MOST_WAIT_S", "Batch", "Item", "Verdict", "failed_from", "judge", "wanted"]
 
@@ -33,7 +33,7 @@ class Item:
 
     seq: int
     receive_ns: int
-    happening: Happening
+    gateway_event: GatewayEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,8 @@ def wanted(item: Item, patterns: Sequence[Matcher], source_arn: str) -> bool:
         return True
     about = {
         "eventSourceARN": source_arn,
-        "partitionKey": item.happening.robot,
-        "data": eventbridge(item.happening),
+        "partitionKey": item.gateway_event.robot,
+        "data": eventbridge(item.gateway_event),
     }
     return any(pattern.matches(about) for pattern in patterns)
 
@@ -89,7 +89,7 @@ def failed_from(batch: Sequence[Item], row: MappingRow, *, ok: bool, payload: by
         return None
     if not isinstance(failures, list):
         return 0
-    places = {item.happening.id: index for index, item in enumerate(batch)}
+    places = {item.gateway_event.id: index for index, item in enumerate(batch)}
     names = [failure.get("itemIdentifier") if isinstance(failure, dict) else None for failure in failures]
     if any(not isinstance(name, str) or name not in places for name in names):
         return 0

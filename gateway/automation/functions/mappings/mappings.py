@@ -13,19 +13,26 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from gateway.domain.delivery import Put
+from gateway.automation.functions.directory import Directory, MappingRow
+from gateway.automation.functions.mappings.batch import Batch, Matcher
+from gateway.automation.functions.mappings.batch_run import BatchResult, BatchRun, BatchRunner
+from gateway.automation.functions.mappings.reader import Database, MappingReader
+from gateway.automation.functions.topic_arn import TopicArn, parse_topic_arn
+from gateway.domain.automation.delivery import Put
 from gateway.errors import StoreError
-from gateway.functions.directory import Directory, MappingRow
-from gateway.functions.mapping_batch import Batch, Matcher
-from gateway.functions.mapping_reader import Database, MappingReader
-from gateway.functions.mapping_turn import Turn, TurnResult, Turns
-from gateway.functions.topic_arn import TopicArn, parse_topic_arn
+from gateway.store.automation.mapping_cursors import (
+    Cursor,
+    Stream,
+    find_streams,
+    forget_mapping,
+    read_cursors,
+    start_of,
+)
 from gateway.store.engine import StoreEngine
-from gateway.store.mapping_cursors import Cursor, Stream, find_streams, forget_mapping, read_cursors, start_of
-from gateway.store.updates import take_duty
+from gateway.store.fleet.updates import take_duty
+from metaros.automation.rules.pattern import compile_pattern
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
-from metaros.rules.pattern import compile_pattern
 
 __all__ = ["Mappings"]
 
@@ -74,16 +81,16 @@ class Mappings:
         self,
         database: Database,
         directory: Directory,
-        turns: Turns,
+        batch_runner: BatchRunner,
         *,
-        noted: Callable[[Sequence[Put]], None],
+        notify: Callable[[Sequence[Put]], None],
         clock: Clock,
         limits: Limits = LIMITS,
     ) -> None:
         self._database = database
         self._directory = directory
-        self._turns = turns
-        self._noted = noted
+        self._batch_runner = batch_runner
+        self._notify = notify
         self._clock = clock
         self._limits = limits
         self._reader = MappingReader(database, limits=limits)
@@ -175,7 +182,7 @@ class Mappings:
                 if shard.news == news:  # nothing came meanwhile
                     shard.ready_s = None
                 return
-            done = await self._turns.take(Turn(row=row, stream=stream, cursor=shard.cursor, batch=batch))
+            done = await self._batch_runner.take(BatchRun(row=row, stream=stream, cursor=shard.cursor, batch=batch))
             self._after(source, shard, batch, done)
         except StoreError as error:
             log.debug("mapping %s waits for the store: %s", row.uuid, error)
@@ -188,7 +195,7 @@ class Mappings:
             source.busy -= 1
             self._news.set()
 
-    def _after(self, source: _Source, shard: _Shard, batch: Batch, done: TurnResult) -> None:
+    def _after(self, source: _Source, shard: _Shard, batch: Batch, done: BatchResult) -> None:
         shard.cursor = done.cursor
         shard.ready_s = self._clock.monotonic_s()
         shard.due_s = shard.ready_s + done.wait_s
@@ -196,7 +203,7 @@ class Mappings:
             shard.ready_ns = batch.items[-1].receive_ns if not done.wait_s else batch.items[0].receive_ns
             self._directory.note_mapping(source.row.uuid, done.result)
         if done.puts:
-            self._noted(done.puts)
+            self._notify(done.puts)
 
     def _is_early(self, row: MappingRow, batch: Batch, ready_s: float | None) -> bool:
         """Whether more is to be waited for."""

@@ -1,4 +1,4 @@
-"""What follows a cursor in a stored stream, as happenings: read on the store's threads, decoded on one of its own."""
+"""What follows a cursor in a stored stream, as events: read on the store's threads, decoded on one of its own."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol, TypeVar
 
+from gateway.automation.functions.directory import MappingRow
+from gateway.automation.functions.mappings.batch import Batch, Item, Matcher, wanted
+from gateway.automation.sample_events import SampleReader
 from gateway.domain.sample import Sample
 from gateway.errors import DamagedError, PurgedError
-from gateway.functions.directory import MappingRow
-from gateway.functions.mapping_batch import Batch, Item, Matcher, wanted
-from gateway.sample_happenings import SampleReader
+from gateway.store.automation.mapping_cursors import Cursor, Stream, next_runs
 from gateway.store.engine import StoreEngine
-from gateway.store.mapping_cursors import Cursor, Stream, next_runs
-from gateway.store.samples import StoredBatch, StoredRun
+from gateway.store.telemetry.samples import StoredBatch, StoredRun
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Database", "MappingReader"]
@@ -110,8 +110,8 @@ class MappingReader:
                 continue
             self._reader.begin()
             sample = Sample(loaded.channel, seq, stamp_ns, loaded.receive_ns, payload)
-            happening = self._reader.read(stream.robot, stream.stream_id, stream.epoch, sample)
-            item = Item(seq, loaded.receive_ns, happening)
+            gateway_event = self._reader.read(stream.robot, stream.stream_id, stream.epoch, sample)
+            item = Item(seq, loaded.receive_ns, gateway_event)
             if wanted(item, patterns, row.source_arn):
                 items.append(item)
                 room -= len(payload)

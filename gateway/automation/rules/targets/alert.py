@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from gateway.domain.delivery import Dead, Delivery, Done, Put, Result
+from gateway.automation.rules.targets.calls import Calls, OutOfScopeError, RuleContext, scoped_robot
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result
 from gateway.domain.finding import Edge, Finding
-from gateway.rules.targets.calls import Calls, Given, OutOfScopeError, scoped_robot
 from metaros.clock import Clock
 
 __all__ = ["AlertTarget", "Alerts"]
@@ -18,9 +18,9 @@ REASON_CHARS = 500
 
 
 class Alerts(Protocol):
-    """What is needed of the desk of alerts."""
+    """What is needed of the alert manager."""
 
-    def tell(self, edges: Sequence[Edge]) -> None:
+    def report(self, edges: Sequence[Edge]) -> None:
         """What was found."""
 
     async def save(self) -> None:
@@ -37,47 +37,47 @@ class AlertTarget:
         self._clock = clock
 
     async def deliver(self, delivery: Delivery) -> Result:
-        """Tell the desk of alerts, and have it stored."""
-        given = Given(delivery)
+        """Tell the alert manager, and have it stored."""
+        rule_context = RuleContext(delivery)
         try:
-            robot = scoped_robot(given)
+            robot = scoped_robot(rule_context)
         except OutOfScopeError as error:
             return Dead("out_of_scope", str(error))
-        finding = self._finding(given, robot)
+        finding = self._finding(rule_context, robot)
         now_s = self._clock.wall_ns() / 1e9
         with self._calls.counted():
-            self._alerts.tell([Edge("cleared" if given.ended else "opened", finding, now_s)])
+            self._alerts.report([Edge("cleared" if rule_context.ended else "opened", finding, now_s)])
             await self._alerts.save()
-        return Done(f"rule:{given.rule}", puts=self._over_later(delivery, given))
+        return Done(f"rule:{rule_context.rule}", puts=self._over_later(delivery, rule_context))
 
-    def _over_later(self, delivery: Delivery, given: Given) -> tuple[Put, ...]:
+    def _over_later(self, delivery: Delivery, rule_context: RuleContext) -> tuple[Put, ...]:
         """What is to last for a while only ends by itself."""
-        for_s = given.fields.get("for_s")
-        if for_s is None or given.ended:
+        for_s = rule_context.fields.get("for_s")
+        if for_s is None or rule_context.ended:
             return ()
         due_ns = self._clock.wall_ns() + round(for_s * 1e9)
         context = {**delivery.put.context, "ended": True}
         return (replace(delivery.put, context=context, due_ns=due_ns, dedup=f"{delivery.id}/over"),)
 
-    def _finding(self, given: Given, robot: str) -> Finding:
-        said = given.document()
+    def _finding(self, rule_context: RuleContext, robot: str) -> Finding:
+        said = rule_context.document()
         detail = said.get("detail", said.get("data", {})) if isinstance(said, dict) else {}
         value = detail.get("value") if isinstance(detail, dict) else None
         return Finding(
             robot=robot,
-            series=_series(detail, given),
-            kind=f"rule:{given.rule}",
-            cause=f"rule:{given.rule}",
-            severity=given.fields.get("severity", "warning"),
+            series=_series(detail, rule_context),
+            kind=f"rule:{rule_context.rule}",
+            cause=f"rule:{rule_context.rule}",
+            severity=rule_context.fields.get("severity", "warning"),
             score=1.0,
             value=float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan,
             low=math.nan,
             high=math.nan,
-            reason=str(given.fields.get("reason") or f"rule {given.rule} fired")[:REASON_CHARS],
+            reason=str(rule_context.fields.get("reason") or f"rule {rule_context.rule} fired")[:REASON_CHARS],
             since_s=self._clock.wall_ns() / 1e9,
         )
 
 
-def _series(detail: Any, given: Given) -> str:
+def _series(detail: Any, rule_context: RuleContext) -> str:
     found = detail.get("series") or detail.get("topic") if isinstance(detail, dict) else ""
-    return str(found or given.group)[:256]
+    return str(found or rule_context.group)[:256]

@@ -13,8 +13,8 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.delivery import Dead, Delivery, Done, Result, Retry
-from gateway.rules.targets.calls import Calls, Given
+from gateway.automation.rules.targets.calls import Calls, RuleContext
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Result, Retry
 from metaros.limits import LIMITS
 
 __all__ = ["AwsTarget", "aws_client"]
@@ -91,11 +91,11 @@ class AwsTarget:
     def _deliver(self, delivery: Delivery) -> Result:
         from botocore.exceptions import BotoCoreError, ClientError
 
-        given = Given(delivery)
-        service = str(given.fields["service"])
+        rule_context = RuleContext(delivery)
+        service = str(rule_context.fields["service"])
         try:
-            client = self._client(service, str(given.fields.get("region") or self._region))
-            return Done(str(CALLS[service](client, given, delivery))[:200])
+            client = self._client(service, str(rule_context.fields.get("region") or self._region))
+            return Done(str(CALLS[service](client, rule_context, delivery))[:200])
         except ClientError as error:
             said: Mapping[str, Any] = error.response.get("Error", {})
             code = str(said.get("Code", "aws"))
@@ -117,40 +117,43 @@ class _Refused(Exception):
     """AWS took the call, and not what was in it."""
 
 
-def _invoke(client: Client, given: Given, delivery: Delivery) -> str:
-    said = {"Qualifier": given.fields["qualifier"]} if given.fields.get("qualifier") else {}
-    answer = client.invoke(FunctionName=given.fields["function"], InvocationType="Event", Payload=given.payload, **said)
+def _invoke(client: Client, rule_context: RuleContext, delivery: Delivery) -> str:
+    said = {"Qualifier": rule_context.fields["qualifier"]} if rule_context.fields.get("qualifier") else {}
+    answer = client.invoke(
+        FunctionName=rule_context.fields["function"], InvocationType="Event", Payload=rule_context.payload, **said
+    )
     return str(answer["ResponseMetadata"].get("RequestId", ""))
 
 
-def _publish(client: Client, given: Given, delivery: Delivery) -> str:
-    arn, text = given.fields["topic_arn"], given.payload.decode()
-    said = {"Subject": given.fields["subject"]} if given.fields.get("subject") else {}
-    fifo = {"MessageDeduplicationId": delivery.id, "MessageGroupId": given.robot or given.rule}
+def _publish(client: Client, rule_context: RuleContext, delivery: Delivery) -> str:
+    arn, text = rule_context.fields["topic_arn"], rule_context.payload.decode()
+    said = {"Subject": rule_context.fields["subject"]} if rule_context.fields.get("subject") else {}
+    fifo = {"MessageDeduplicationId": delivery.id, "MessageGroupId": rule_context.robot or rule_context.rule}
     answer = client.publish(TopicArn=arn, Message=text, **said, **(fifo if arn.endswith(".fifo") else {}))
     return str(answer["MessageId"])
 
 
-def _send(client: Client, given: Given, delivery: Delivery) -> str:
-    url = given.fields["queue_url"]
-    fifo = {"MessageDeduplicationId": delivery.id, "MessageGroupId": given.robot or given.rule}
+def _send(client: Client, rule_context: RuleContext, delivery: Delivery) -> str:
+    url = rule_context.fields["queue_url"]
+    fifo = {"MessageDeduplicationId": delivery.id, "MessageGroupId": rule_context.robot or rule_context.rule}
     answer = client.send_message(
-        QueueUrl=url, MessageBody=given.payload.decode(), **(fifo if url.endswith(".fifo") else {})
+        QueueUrl=url, MessageBody=rule_context.payload.decode(), **(fifo if url.endswith(".fifo") else {})
     )
     return str(answer["MessageId"])
 
 
-def _put_events(client: Client, given: Given, delivery: Delivery) -> str:
-    said = given.document()
+def _put_events(client: Client, rule_context: RuleContext, delivery: Delivery) -> str:
+    said = rule_context.document()
     whole = isinstance(said, dict)
     detail = said.get("detail", said) if whole else {"value": said}
     entry = {
-        "Source": given.fields.get("source") or str(said.get("source", "metaros") if whole else "metaros"),
-        "DetailType": given.fields.get("detail_type") or str(said.get("detail-type", "rule") if whole else "rule"),
+        "Source": rule_context.fields.get("source") or str(said.get("source", "metaros") if whole else "metaros"),
+        "DetailType": rule_context.fields.get("detail_type")
+        or str(said.get("detail-type", "rule") if whole else "rule"),
         "Detail": orjson.dumps(detail if isinstance(detail, dict) else {"value": detail}).decode(),
         "Resources": said.get("resources", []) if whole and isinstance(said.get("resources"), list) else [],
     }
-    bus = given.fields.get("bus")
+    bus = rule_context.fields.get("bus")
     answer = client.put_events(Entries=[entry | ({"EventBusName": bus} if bus else {})])
     (result,) = answer["Entries"]
     if answer["FailedEntryCount"]:
@@ -158,14 +161,16 @@ def _put_events(client: Client, given: Given, delivery: Delivery) -> str:
     return str(result["EventId"])
 
 
-def _put_object(client: Client, given: Given, delivery: Delivery) -> str:
+def _put_object(client: Client, rule_context: RuleContext, delivery: Delivery) -> str:
     """Under a name that is the delivery's, so that a second try replaces the first."""
-    key = f"{given.fields.get('prefix', '')}{given.rule}/{delivery.id}.json"
-    client.put_object(Bucket=given.fields["bucket"], Key=key, Body=given.payload, ContentType="application/json")
+    key = f"{rule_context.fields.get('prefix', '')}{rule_context.rule}/{delivery.id}.json"
+    client.put_object(
+        Bucket=rule_context.fields["bucket"], Key=key, Body=rule_context.payload, ContentType="application/json"
+    )
     return key
 
 
-CALLS: dict[str, Callable[[Client, Given, Delivery], str]] = {
+CALLS: dict[str, Callable[[Client, RuleContext, Delivery], str]] = {
     "lambda": _invoke,
     "sns": _publish,
     "sqs": _send,

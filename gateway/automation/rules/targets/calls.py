@@ -8,11 +8,11 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.delivery import Dead, Delivery, Done, Put
-from gateway.domain.rule import Maker
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put
+from gateway.domain.automation.rule import Maker
 from metaros.limits import LIMITS
 
-__all__ = ["Calls", "Given", "OutOfScopeError", "scoped_robot"]
+__all__ = ["Calls", "OutOfScopeError", "RuleContext", "scoped_robot"]
 
 
 class OutOfScopeError(Exception):
@@ -49,8 +49,8 @@ class Calls:
             self._under_way -= 1
 
 
-class Given:
-    """What a rule gave to a delivery."""
+class RuleContext:
+    """The rule behind a delivery: its name, target, fields and maker."""
 
     def __init__(self, delivery: Delivery) -> None:
         context = delivery.put.context
@@ -74,8 +74,8 @@ class Given:
         return orjson.loads(self.payload)
 
 
-def scoped_robot(given: Given) -> str:
+def scoped_robot(rule_context: RuleContext) -> str:
     """The robot that it is about; OutOfScopeError where the rule's maker did not see it, or there is none."""
-    if not given.robot or not given.maker.sees(given.robot):
+    if not rule_context.robot or not rule_context.maker.sees(rule_context.robot):
         raise OutOfScopeError("its robot is not in the scope of who made the rule")
-    return given.robot
+    return rule_context.robot

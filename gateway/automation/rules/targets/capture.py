@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from gateway.domain.delivery import Dead, Delivery, Done, Result, Retry
-from gateway.domain.recording import Recording
+from gateway.automation.rules.targets.calls import Calls, OutOfScopeError, RuleContext, scoped_robot
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Result, Retry
+from gateway.domain.fleet.recording import Recording
 from gateway.errors import StoreError, TooManyError
-from gateway.rules.targets.calls import Calls, Given, OutOfScopeError, scoped_robot
 from metaros.errors import MetarosError
 
 __all__ = ["CaptureTarget", "Recordings"]
 
 
 class Recordings(Protocol):
-    """What is needed of the desk of recordings."""
+    """What is needed of the recording manager."""
 
     async def request(self, robot_id: str, *, last_s: float | None = None, topics: tuple[str, ...] = ()) -> Recording:
         """Ask for the robot's last seconds; the robot need not be online."""
@@ -31,14 +31,14 @@ class CaptureTarget:
         self._recordings = recordings
 
     async def deliver(self, delivery: Delivery) -> Result:
-        """Ask for it: the desk of recordings sees to the rest."""
-        given = Given(delivery)
+        """Ask for it: the recording manager sees to the rest."""
+        rule_context = RuleContext(delivery)
         try:
             with self._calls.counted():
                 asked = await self._recordings.request(
-                    scoped_robot(given),
-                    last_s=float(given.fields["last_s"]),
-                    topics=tuple(given.fields.get("topics", ())),
+                    scoped_robot(rule_context),
+                    last_s=float(rule_context.fields["last_s"]),
+                    topics=tuple(rule_context.fields.get("topics", ())),
                 )
         except OutOfScopeError as error:
             return Dead("out_of_scope", str(error))

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from gateway.domain.command import CANCELLED, DONE, EXPIRED, FAILED, Command
-from gateway.domain.delivery import Dead, Delivery, Done, Result, Retry
+from gateway.automation.rules.targets.calls import Calls, OutOfScopeError, RuleContext, scoped_robot
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Result, Retry
+from gateway.domain.fleet.command import CANCELLED, DONE, EXPIRED, FAILED, Command
 from gateway.domain.principal import Principal
 from gateway.errors import LeaseRequiredError, RequestError, RobotError, StoreError, TooManyError
-from gateway.rules.targets.calls import Calls, Given, OutOfScopeError, scoped_robot
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -26,7 +26,7 @@ PATIENCE_S = 10.0  # for one whose robot is there
 
 
 class Orders(Protocol):
-    """What is needed of the desk of commands; the wiring makes the order."""
+    """What is needed of the command manager; the wiring makes the order."""
 
     async def send(
         self,
@@ -62,25 +62,25 @@ class CommandTarget:
 
     async def deliver(self, delivery: Delivery) -> Result:
         """Send it, or look how it went."""
-        given = Given(delivery)
-        request = given.document()
+        rule_context = RuleContext(delivery)
+        request = rule_context.document()
         if not isinstance(request, dict):
             return Dead("command_invalid", "what the rule gives a command is an object: its request")
         with self._calls.counted():
-            return await self.send(delivery, given, str(given.fields["command"]), request)
+            return await self.send(delivery, rule_context, str(rule_context.fields["command"]), request)
 
-    async def send(self, delivery: Delivery, given: Given, kind: str, request: dict[str, Any]) -> Result:
+    async def send(self, delivery: Delivery, rule_context: RuleContext, kind: str, request: dict[str, Any]) -> Result:
         """One kept command, and its end."""
         left_s = delivery.put.policy.most_age_s - (self._clock.wall_ns() - delivery.born_ns) / 1e9
         try:
-            robot = scoped_robot(given)
+            robot = scoped_robot(rule_context)
             moves = self._orders.is_actuator(robot, str(request.get("topic") or request.get("service") or ""))
             durable = not moves and not self._orders.waits_by_itself(kind)
             command = await self._orders.send(
                 robot,
                 kind,
                 request,
-                given.maker.principal(given.name),
+                rule_context.maker.principal(rule_context.name),
                 durable=durable,
                 expires_s=max(1.0, min(left_s, LIMITS.command_expires_most_s)),
                 idempotency=f"rule {delivery.id}",
@@ -103,15 +103,17 @@ class PublishTarget(CommandTarget):
 
     async def deliver(self, delivery: Delivery) -> Result:
         """Publish it, or look how that went."""
-        given = Given(delivery)
-        message = given.document()
+        rule_context = RuleContext(delivery)
+        message = rule_context.document()
         if not isinstance(message, dict):
             return Dead("command_invalid", "what the rule gives a topic is an object: the message")
         fields = {
-            name: value for name, value in given.fields.items() if name in ("topic", "type", "lease_id") and value
+            name: value
+            for name, value in rule_context.fields.items()
+            if name in ("topic", "type", "lease_id") and value
         }
         with self._calls.counted():
-            return await self.send(delivery, given, "publish", {**fields, "message": message})
+            return await self.send(delivery, rule_context, "publish", {**fields, "message": message})
 
 
 def _end(command: Command) -> Result:

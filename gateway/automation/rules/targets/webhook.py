@@ -9,11 +9,11 @@ from urllib.parse import urlsplit
 
 import h11
 
-from gateway.domain.delivery import Dead, Delivery, Done, Result, Retry
-from gateway.domain.event import like
-from gateway.outbound.webhook import JSON, Webhook, post, signing_key
-from gateway.rules.secrets import Secrets, target_owner
-from gateway.rules.targets.calls import Calls, Given
+from gateway.automation.outbound.webhook import JSON, Webhook, post, signing_key
+from gateway.automation.rules.secrets import Secrets, target_owner
+from gateway.automation.rules.targets.calls import Calls, RuleContext
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Result, Retry
+from gateway.domain.automation.event import like
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
@@ -46,14 +46,14 @@ class WebhookTarget:
 
     async def deliver(self, delivery: Delivery) -> Result:
         """One POST; the delivery's id is the message's, so that the receiver knows a second one for what it is."""
-        given = Given(delivery)
-        url = str(given.fields["url"])
+        rule_context = RuleContext(delivery)
+        url = str(rule_context.fields["url"])
         parts = urlsplit(url)
         private = any(like(str(parts.hostname), glob) for glob in self._private_hosts)
         if parts.scheme != "https" and not private:
             return Dead("webhook_insecure", f"{parts.hostname} is plain http{HINT}")
         with self._calls.counted():
-            secret = await self._secrets.find(target_owner(given.rule, given.target))
+            secret = await self._secrets.find(target_owner(rule_context.rule, rule_context.target))
             webhook = Webhook(
                 url=url,
                 secret=signing_key(secret) if secret else b"",

@@ -109,7 +109,7 @@ class TelemetryServiceServicer:
         raise NotImplementedError('Method not implemented!')
 
     def WatchGoal(self, request, context):
-        """of a goal that was sent before, by any door
+        """of a goal that was sent before, by any API
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

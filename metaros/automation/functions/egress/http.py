@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
-from metaros.functions.egress_rules import address_of
+from metaros.automation.functions.egress.rules import address_of
 
 __all__ = ["EgressRefusedError", "Target", "answer_head", "head", "refusal", "send_body", "target_of"]
 

@@ -13,9 +13,9 @@ import socket
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from metaros.functions import egress_http
-from metaros.functions.egress_http import EgressRefusedError, Target
-from metaros.functions.egress_rules import EGRESS, EgressRules, address_of
+from metaros.automation.functions.egress import http
+from metaros.automation.functions.egress.http import EgressRefusedError, Target
+from metaros.automation.functions.egress.rules import EGRESS, EgressRules, address_of
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Egress", "EgressProxy", "Resolve"]
@@ -46,7 +46,7 @@ class Egress:
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def proxy(self, rules: EgressRules, note: Callable[[str], None]) -> EgressProxy:
-        """One worker's; `note` is told, in a line, of what was refused."""
+        """One worker's; `note` gets a line for what was refused."""
         return EgressProxy(self, rules, note=note)
 
     async def _look_up(self, host: str, port: int) -> Sequence[str]:
@@ -107,7 +107,7 @@ class EgressProxy:
             await self._relay(reader, writer)
         except EgressRefusedError as refused:
             self._note(str(refused))
-            writer.write(egress_http.refusal(refused))
+            writer.write(http.refusal(refused))
         except (OSError, asyncio.IncompleteReadError):
             pass  # either end is gone, or was silent for too long: the other one learns it by the close
         finally:
@@ -116,8 +116,8 @@ class EgressProxy:
     async def _relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         limits = self._limits
         async with asyncio.timeout(limits.function_egress_connect_s):
-            lines = await egress_http.head(reader, limits.function_egress_head_bytes)
-        target = egress_http.target_of(lines)
+            lines = await http.head(reader, limits.function_egress_head_bytes)
+        target = http.target_of(lines)
         self._check_room()
         theirs = await self._connect(target)
         try:
@@ -202,7 +202,7 @@ class EgressProxy:
             ways = [_copy(reader, their_writer, awake), _copy(their_reader, writer, awake)]
         else:
             their_writer.write(target.request)
-            sending = egress_http.send_body(target, reader, their_writer, awake)
+            sending = http.send_body(target, reader, their_writer, awake)
             ways = [sending, self._answer(their_reader, writer, awake)]
         there, back = (asyncio.ensure_future(way) for way in ways)
         try:
@@ -218,7 +218,7 @@ class EgressProxy:
     async def _answer(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, awake: Callable[[], None]
     ) -> None:
-        writer.write(await egress_http.answer_head(reader, writer, self._limits.function_egress_head_bytes))
+        writer.write(await http.answer_head(reader, writer, self._limits.function_egress_head_bytes))
         await _copy(reader, writer, awake)
 
 

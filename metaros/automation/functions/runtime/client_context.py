@@ -1,4 +1,4 @@
-"""What a handler is told of its call: the `context` of AWS Lambda for Python."""
+"""The `context` argument of a handler, as in AWS Lambda for Python."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
+from metaros.automation.functions.runtime.client_errors import Fault
 from metaros.clock import SystemClock
-from metaros.functions.client_errors import Fault
 
 __all__ = ["LambdaContext", "context_of"]
 

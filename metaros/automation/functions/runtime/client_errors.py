@@ -1,4 +1,4 @@
-"""A handler's mistakes as AWS tells them: the error's document, its cause for X-Ray, and its lines in the log."""
+"""A handler's errors as AWS reports them: the error's document, its cause for X-Ray, and its lines in the log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Fault(Exception):
 
 
 class Failure:
-    """An exception, as it is told to the Runtime API."""
+    """An exception, as it is reported to the Runtime API."""
 
     def __init__(self, error: BaseException, *, request_id: str = "") -> None:
         if isinstance(error, Fault):

@@ -25,7 +25,7 @@ _KNOWN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "aw
 
 
 class LogSink:
-    """Messages out: `_LAMBDA_TELEMETRY_LOG_FD` says where to, and is not told to the handler."""
+    """Messages out: `_LAMBDA_TELEMETRY_LOG_FD` says where to, and is hidden from the handler."""
 
     def __init__(self) -> None:
         fd = os.environ.pop("_LAMBDA_TELEMETRY_LOG_FD", "")

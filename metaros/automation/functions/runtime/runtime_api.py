@@ -1,6 +1,6 @@
 """The Runtime API of one worker: what may be asked in which state, and what is answered.
 
-One listener serves one worker, so nobody has to say who it is. Who owns the worker is told of what it did and gives
+One listener serves one worker, so nobody has to say who it is. The worker's owner is notified of what it did and gives
 it calls; here is no clock, no process and no queue.
 """
 
@@ -16,9 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, cast
 
-from metaros.functions.calls import Invocation
-from metaros.functions.response_stream import ResponseStream
-from metaros.functions.runtime_http import BadRequestError, Request, RequestReader, reply
+from metaros.automation.functions.calls import Invocation
+from metaros.automation.functions.response_stream import ResponseStream
+from metaros.automation.functions.runtime.runtime_http import BadRequestError, Request, RequestReader, reply
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["Answer", "Owner", "RuntimeApi", "event_head"]
@@ -80,7 +80,7 @@ class State(enum.Enum):
     READY = enum.auto()  # waits for a call
     BUSY = enum.auto()  # has one
     ANSWERED = enum.auto()  # is done with it and has not asked for the next
-    FAILED = enum.auto()  # has told of an error of its init
+    FAILED = enum.auto()  # has reported an error of its init
 
 
 def event_head(call: Invocation, *, arn: str, deadline_ms: int) -> bytes:
@@ -144,7 +144,7 @@ class RuntimeApi:
         for connection in list(self._connections):
             connection.transport.abort()
 
-    # What connections tell.
+    # Callbacks of connections.
 
     def joined(self, connection: _Connection) -> None:
         """The worker opened one; over the limit it is closed."""

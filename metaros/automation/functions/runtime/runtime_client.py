@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterator
 from decimal import Decimal
 from typing import Any
 
-from metaros.functions.client_context import context_of
-from metaros.functions.client_errors import Failure, Fault
-from metaros.functions.client_http import Connection, RuntimeApiError
-from metaros.functions.client_logs import Logged, LogSink, set_up_logging
+from metaros.automation.functions.runtime.client_context import context_of
+from metaros.automation.functions.runtime.client_errors import Failure, Fault
+from metaros.automation.functions.runtime.client_http import Connection, RuntimeApiError
+from metaros.automation.functions.runtime.client_logs import Logged, LogSink, set_up_logging
 
 __all__ = ["find_handler", "main"]
 

@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from metaros.functions.sandbox.libc import PR_SET_DUMPABLE, PR_SET_NO_NEW_PRIVS, capset_none, prctl
+from metaros.automation.functions.sandbox.libc import PR_SET_DUMPABLE, PR_SET_NO_NEW_PRIVS, capset_none, prctl
 
 __all__ = ["FIRST_UID", "NOBODY", "become", "choose", "without_privileges"]
 

@@ -1,4 +1,4 @@
-"""A worker's room at each level: built by its keeper as whoever the gateway is, before the worker is there."""
+"""A worker's sandbox at each level: built by its init process as the gateway's user, before the worker is forked."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from metaros.functions.sandbox import identity, landlock, mounts, namespaces, rlimits, seccomp
+from metaros.automation.functions.sandbox import identity, landlock, mounts, namespaces, rlimits, seccomp
 
-__all__ = ["CODE_AT", "LAYERS_AT", "Room", "build", "clone_flags", "shut"]
+__all__ = ["CODE_AT", "LAYERS_AT", "SandboxLayout", "build", "clone_flags", "confine"]
 
 CODE_AT, LAYERS_AT = "/var/task", "/opt"  # as at AWS
 L1, L2, L3 = 1, 2, 3
@@ -18,7 +18,7 @@ READ_DEVICES = ("/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
 MACHINE = ("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm/overcommit_memory")
 
 
-class Room(NamedTuple):
+class SandboxLayout(NamedTuple):
     """Where a worker finds things; `listeners` are what its gateway accepts on, where they must come from inside.
 
     `egress_port` is of its proxy; 0: it has none."""
@@ -32,15 +32,15 @@ class Room(NamedTuple):
 
 
 def clone_flags(level: int) -> int:
-    """The namespaces in which the keeper is born; 0: a plain fork."""
+    """The namespaces in which init is started; 0: a plain fork."""
     if sys.platform != "linux":
         raise NotImplementedError
     if level < L3:
         return 0
-    return namespaces.ROOM | (0 if os.geteuid() == 0 else namespaces.USER)
+    return namespaces.ISOLATED | (0 if os.geteuid() == 0 else namespaces.USER)
 
 
-def build(request: dict[str, Any], was: tuple[int, int]) -> Room:
+def build(request: dict[str, Any], was: tuple[int, int]) -> SandboxLayout:
     """Namespaces, files, limits and user, so that the worker is born into them. `was`: user and group before."""
     level, root = request["level"], was[0] == 0
     had = rlimits.private_bytes()
@@ -48,11 +48,11 @@ def build(request: dict[str, Any], was: tuple[int, int]) -> Room:
         if not root:
             namespaces.map_self(*was)
         uid, gid = identity.choose(request["uid"], request["gid"], namespaces.own_pid())
-        room = _own_room(request, (uid, gid))
-        processes = request["processes"] + 1  # its keeper
+        layout = _isolated_layout(request, (uid, gid))
+        processes = request["processes"] + 1  # its init process
     else:
         uid, gid = identity.choose(request["uid"], request["gid"], os.getpid())
-        room = _shared_room(request, (uid, gid), root=root)
+        layout = _shared_layout(request, (uid, gid), root=root)
         processes = request["processes"] + 1 + (0 if root else rlimits.tasks_of(uid))
     rlimits.limit(
         memory_mb=request["memory_mb"],
@@ -63,10 +63,10 @@ def build(request: dict[str, Any], was: tuple[int, int]) -> Room:
     )
     identity.become(uid, gid)
     identity.without_privileges(dumpable=False)
-    return room
+    return layout
 
 
-def _own_room(request: dict[str, Any], owner: tuple[int, int]) -> Room:
+def _isolated_layout(request: dict[str, Any], owner: tuple[int, int]) -> SandboxLayout:
     namespaces.loopback_up()
     egress_port = namespaces.EGRESS_PORT if request["egress"] else 0
     listeners = [namespaces.listen(port) for port in (namespaces.API_PORT, egress_port) if port]
@@ -79,10 +79,10 @@ def _own_room(request: dict[str, Any], owner: tuple[int, int]) -> Room:
         tmp_bytes=request["disk_bytes"],
         owner=owner,
     )
-    return Room(CODE_AT, layers, "/tmp", namespaces.API_PORT, egress_port, listeners)
+    return SandboxLayout(CODE_AT, layers, "/tmp", namespaces.API_PORT, egress_port, listeners)
 
 
-def _shared_room(request: dict[str, Any], owner: tuple[int, int], *, root: bool) -> Room:
+def _shared_layout(request: dict[str, Any], owner: tuple[int, int], *, root: bool) -> SandboxLayout:
     if sys.platform != "linux":
         raise NotImplementedError
     tmp_dir, code_dir, layers = request["tmp_dir"], request["code_dir"], request["layer_dirs"]
@@ -90,18 +90,18 @@ def _shared_room(request: dict[str, Any], owner: tuple[int, int], *, root: bool)
         os.chown(tmp_dir, *owner)
         mounts.open_way([*request["shown"], code_dir, *layers, tmp_dir])
     os.chmod(tmp_dir, 0o700)
-    return Room(code_dir, layers, tmp_dir, request["port"], request["egress_port"])
+    return SandboxLayout(code_dir, layers, tmp_dir, request["port"], request["egress_port"])
 
 
-def shut(room: Room, request: dict[str, Any]) -> None:
+def confine(layout: SandboxLayout, request: dict[str, Any]) -> None:
     """The last step, by the worker itself: from here on only its own files, its own ports and few system calls."""
     level = request["level"]
     if level >= L3:
         if landlock.abi():
             landlock.confine(read=["/"], write=["/tmp", "/dev"], ports=None)
     elif level == L2:
-        read = (*mounts.SYSTEM, *request["shown"], room.code_dir, *room.layer_dirs, *READ_DEVICES, *MACHINE)
-        ports = [port for port in (room.port, room.egress_port) if port]
-        landlock.confine(read=read, write=[room.tmp_dir, "/dev/null"], ports=ports)
+        read = (*mounts.SYSTEM, *request["shown"], layout.code_dir, *layout.layer_dirs, *READ_DEVICES, *MACHINE)
+        ports = [port for port in (layout.port, layout.egress_port) if port]
+        landlock.confine(read=read, write=[layout.tmp_dir, "/dev/null"], ports=ports)
     if level >= L2:
         seccomp.confine(own_network=level >= L3)

@@ -10,7 +10,7 @@ import struct
 import sys
 from collections.abc import Iterable
 
-from metaros.functions.sandbox.libc import syscall
+from metaros.automation.functions.sandbox.libc import syscall
 
 __all__ = ["abi", "confine"]
 

@@ -8,7 +8,7 @@ import os
 import platform
 from typing import Any
 
-from metaros.functions.sandbox.calls import CALLS
+from metaros.automation.functions.sandbox.calls import CALLS
 
 __all__ = ["capset_none", "clone", "number", "prctl", "syscall"]
 

@@ -8,7 +8,7 @@ import stat
 import sys
 from collections.abc import Iterable, Mapping
 
-from metaros.functions.sandbox.libc import syscall
+from metaros.automation.functions.sandbox.libc import syscall
 
 __all__ = ["SYSTEM", "enter_root", "open_way"]
 

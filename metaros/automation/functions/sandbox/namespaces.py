@@ -8,7 +8,7 @@ import struct
 import sys
 from pathlib import Path
 
-__all__ = ["API_PORT", "EGRESS_PORT", "ROOM", "USER", "listen", "loopback_up", "map_self", "own_pid"]
+__all__ = ["API_PORT", "EGRESS_PORT", "ISOLATED", "USER", "listen", "loopback_up", "map_self", "own_pid"]
 
 NEW_NS, NEW_IPC, NEW_USER, NEW_PID, NEW_NET, NEW_UTS = (
     0x00020000,
@@ -18,7 +18,7 @@ NEW_NS, NEW_IPC, NEW_USER, NEW_PID, NEW_NET, NEW_UTS = (
     0x40000000,
     0x04000000,
 )
-ROOM = NEW_NS | NEW_IPC | NEW_PID | NEW_NET | NEW_UTS
+ISOLATED = NEW_NS | NEW_IPC | NEW_PID | NEW_NET | NEW_UTS
 USER = NEW_USER
 API_PORT = 9001  # of the Runtime API, inside: every worker has a loopback of its own
 EGRESS_PORT = 9002  # and of its proxy, if it has one

@@ -7,8 +7,8 @@ import errno
 import platform
 import struct
 
-from metaros.functions.sandbox.calls import AUDIT_ARCH, CALLS, LAST_KNOWN
-from metaros.functions.sandbox.libc import PR_SET_PDEATHSIG, prctl
+from metaros.automation.functions.sandbox.calls import AUDIT_ARCH, CALLS, LAST_KNOWN
+from metaros.automation.functions.sandbox.libc import PR_SET_PDEATHSIG, prctl
 
 __all__ = ["build", "confine"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.databases import store_url
-from tests.support.postgres import PostgresServer
+from tests.support.servers.databases import store_url
+from tests.support.servers.postgres import PostgresServer
 
 __all__ = ["store_url"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from gateway.alerts.book import Book
+from gateway.alerting.alerts.registry import AlertRegistry
 from gateway.domain.alert import Alert, Silence
 from gateway.domain.finding import Edge, Finding
 
@@ -47,17 +47,17 @@ def silence(**more: Any) -> Silence:
     return Silence(**{"id": "S1", "from_ns": NOW, "until_ns": NOW + 3600 * S, "by": "eve", **more})
 
 
-def stored(book: Book, now_ns: int = NOW) -> list[tuple[Alert, tuple[str, ...]]]:
-    """Store what is to be stored, as the desk does; the alerts and their news."""
+def stored(registry: AlertRegistry, now_ns: int = NOW) -> list[tuple[Alert, tuple[str, ...]]]:
+    """Store what is to be stored, as the manager does; the alerts and their news."""
     found = []
-    while changes := book.changes(now_ns, most=10_000, all_of_it=True):
+    while changes := registry.changes(now_ns, most=10_000, all_of_it=True):
         for change in changes:
-            book.stored(change)
+            registry.stored(change)
             found.append((change.alert, change.news))
     return found
 
 
-def only(book: Book, robot: str = "r1") -> Alert:
+def only(registry: AlertRegistry, robot: str = "r1") -> Alert:
     """The robot's one alert that is not resolved."""
-    (alert,) = book.of(robot)
+    (alert,) = registry.of(robot)
     return alert

@@ -9,22 +9,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.alerts.config import AlertConfig
-from gateway.alerts.desk import AlertDesk
+from gateway.alerting.alerts.config import AlertConfig
+from gateway.alerting.alerts.manager import AlertManager
 from gateway.domain.alert import Alert
 from gateway.domain.finding import Edge
 from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.gateway.alerts.findings import NOW
+from tests.gateway.alerting.alerts.findings import NOW
 
 
 @dataclass
 class World:
-    """The clock moves by hand; `step` is what the desk's own loop does once a second."""
+    """The clock moves by hand; `step` is what the manager's own loop does once a second."""
 
-    desk: AlertDesk
+    manager: AlertManager
     store: Store
     clock: ManualClock
     told: list[tuple[str, Alert]] = field(default_factory=list)
@@ -35,20 +35,20 @@ class World:
         """What was told, in short."""
         return [what for what, _ in self.told]
 
-    async def tell(self, *edges: Edge) -> None:
+    async def report(self, *edges: Edge) -> None:
         """Findings come, and are stored."""
-        self.desk.tell(edges)
-        await self.desk.save()
+        self.manager.report(edges)
+        await self.manager.save()
 
     async def step(self, seconds: float) -> None:
         """Time passes."""
         self.clock.advance(seconds)
-        self.desk.tick()
-        await self.desk.save()
+        self.manager.tick()
+        await self.manager.save()
 
     def alert(self, robot: str = "r1") -> Alert:
         """The robot's one alert."""
-        (found,) = self.desk.of(robot)
+        (found,) = self.manager.of(robot)
         return found
 
 
@@ -69,22 +69,22 @@ async def open_world(
     store = Store(folder / name, clock=clock, retention=retention, queue_bytes=1 << 20, url=url)
     store.start()
     events: list[tuple[str, str, Mapping[str, Any]]] = []
-    desk = AlertDesk(
+    manager = AlertManager(
         store,
         clock=clock,
         emit=lambda kind, robot, data: events.append((kind, robot, data)),
         limits=replace(LIMITS, **limits),
         config=config,
     )
-    world = World(desk, store, clock, events=events)
-    desk.listen(lambda what, alert: world.told.append((what, alert)))
-    await desk.start()
-    running = asyncio.create_task(desk.run()) if run else None
+    world = World(manager, store, clock, events=events)
+    manager.listen(lambda what, alert: world.told.append((what, alert)))
+    await manager.start()
+    running = asyncio.create_task(manager.run()) if run else None
     try:
         yield world
     finally:
         if running is not None:
             running.cancel()
             await asyncio.gather(running, return_exceptions=True)
-        await desk.close()
+        await manager.close()
         await store.close()

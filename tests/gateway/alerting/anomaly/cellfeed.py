@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.anomaly.cells import Second
-from gateway.anomaly.lasting import LastingConfig
+from gateway.alerting.anomaly.detectors.cells import Second
+from gateway.alerting.anomaly.detectors.lasting import LastingConfig
 
 __all__ = ["quick", "second"]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.anomaly.checks import Check, CheckTable
-from gateway.anomaly.defaults import DEFAULT_CHECKS, LEARNING, learning_of
+from gateway.alerting.anomaly.checks import Check, CheckTable
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS, LEARNING, learning_of
 
 
 def row(**fields: object) -> Check:
@@ -95,6 +95,6 @@ def test_what_has_no_usual_value_is_not_learnt_and_heat_has_a_least_change() -> 
 
 
 def test_every_check_and_every_rule_of_learning_is_documented() -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs/reference/checks.md").read_text()
+    page = (Path(__file__).resolve().parents[4] / "docs/reference/checks.md").read_text()
     assert [check.id for check in DEFAULT_CHECKS if f"| `{check.id}` | {check.title} |" not in page] == []
     assert [row.series for row in LEARNING if f"| `{row.series}` |" not in page] == []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gateway.anomaly.opened import Opened
+from gateway.alerting.anomaly.open_findings import OpenFindings
 from gateway.domain.finding import Finding
 
 
@@ -16,7 +16,7 @@ def finding(robot: str = "r", series: str = "s", kind: str = "level") -> Finding
 
 
 def test_two_that_tell_the_same_are_one_finding() -> None:
-    opened = Opened()
+    opened = OpenFindings()
     opened.open(finding(), "fast", at_s=1.0)
     opened.open(finding(), "slow", at_s=2.0)
     opened.close(finding().key, "fast", at_s=3.0)
@@ -29,7 +29,7 @@ def test_two_that_tell_the_same_are_one_finding() -> None:
 
 
 def test_kinds_of_a_series_can_be_cleared_and_a_robot_forgotten() -> None:
-    opened = Opened()
+    opened = OpenFindings()
     for robot, series in (("r", "s"), ("r", "t"), ("q", "s")):
         opened.open(finding(robot, series), "x", at_s=1.0)
     opened.take()
@@ -41,7 +41,7 @@ def test_kinds_of_a_series_can_be_cleared_and_a_robot_forgotten() -> None:
 
 
 def test_what_is_open_outlives_a_snapshot() -> None:
-    opened, again = Opened(), Opened()
+    opened, again = OpenFindings(), OpenFindings()
     opened.open(finding(), "x", at_s=1.0)
     again.load(opened.dump())
     assert repr(again.all()) == repr(opened.all())

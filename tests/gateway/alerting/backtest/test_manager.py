@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
-from gateway.anomaly.defaults import DEFAULT_CHECKS
-from gateway.backtest import BacktestDesk, BacktestRequest, Report
-from gateway.backtest import desk as desk_module
-from gateway.backtest.report import NS
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.backtest import BacktestManager, BacktestRequest, Report
+from gateway.alerting.backtest import manager as manager_module
+from gateway.alerting.backtest.report import NS
 from gateway.domain.channel import Series
 from gateway.domain.robot import Robot
 from gateway.errors import InvalidRequestError, TooManyError
@@ -58,19 +58,19 @@ async def store(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Store
 
 
 @contextmanager
-def backtests(store: Store, **options: Any) -> Iterator[BacktestDesk]:
+def backtests(store: Store, **options: Any) -> Iterator[BacktestManager]:
     """A desk over that store."""
     checks = tuple(check for check in DEFAULT_CHECKS if check.kind in VALUES)
-    desk = BacktestDesk(store, **{"clock": SystemClock(), "checks": lambda: checks, **options})
+    manager = BacktestManager(store, **{"clock": SystemClock(), "checks": lambda: checks, **options})
     try:
-        yield desk
+        yield manager
     finally:
-        desk.close()
+        manager.close()
 
 
 async def test_what_would_have_fired(store: Store) -> None:
-    with backtests(store) as desk:
-        report = await desk.run(REQUEST)
+    with backtests(store) as manager:
+        report = await manager.run(REQUEST)
     assert (report.robot, report.samples, report.cut) == ("r1", 2 * SECONDS, False)
     assert (report.start_ns, report.end_ns) == (REQUEST.start_ns, REQUEST.end_ns)
     assert [item.finding.kind for item in report.findings] == ["motor_hot"]
@@ -80,10 +80,10 @@ async def test_what_would_have_fired(store: Store) -> None:
 
 
 async def test_other_checks_and_some_of_the_series(store: Store) -> None:
-    with backtests(store) as desk:
+    with backtests(store) as manager:
 
         async def ran(**changes: Any) -> Report:
-            return await desk.run(replace(REQUEST, **changes))
+            return await manager.run(replace(REQUEST, **changes))
 
         assert (await ran(checks={"motor_hot": {"enabled": False}})).findings == ()
         assert (await ran(detectors=("battery_low",))).findings == ()
@@ -116,38 +116,38 @@ REFUSED: tuple[tuple[dict[str, Any], str], ...] = (
 
 async def test_what_does_not_fit_is_named(store: Store) -> None:
     failures = []
-    with backtests(store) as desk:
+    with backtests(store) as manager:
         for changes, said in REFUSED:
             try:
-                await desk.run(replace(REQUEST, **changes))
+                await manager.run(replace(REQUEST, **changes))
             except InvalidRequestError as error:
                 failures += [] if said in str(error) else [(changes, str(error))]
             else:
                 failures.append((changes, "it was run"))
-        assert (await desk.run(REQUEST)).findings, "it is busy after a refusal"
+        assert (await manager.run(REQUEST)).findings, "it is busy after a refusal"
     assert failures == []
 
 
 async def test_one_at_a_time(store: Store) -> None:
-    with backtests(store) as desk:
-        first = asyncio.create_task(desk.run(REQUEST))
+    with backtests(store) as manager:
+        first = asyncio.create_task(manager.run(REQUEST))
         await asyncio.sleep(0)
         with pytest.raises(TooManyError, match="runs already"):
-            await desk.run(REQUEST)
+            await manager.run(REQUEST)
         assert (await first).findings
 
 
 async def test_it_ends_at_its_bounds(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desk_module, "PIECE_NS", (10 * NS, 60 * NS, 60 * NS))
-    with backtests(store, limits=Limits(backtest_samples=100)) as desk:
-        report = await desk.run(REQUEST)
+    monkeypatch.setattr(manager_module, "PIECE_NS", (10 * NS, 60 * NS, 60 * NS))
+    with backtests(store, limits=Limits(backtest_samples=100)) as manager:
+        report = await manager.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 120, START_NS + 60 * NS)
-        monkeypatch.setattr(desk_module, "PIECE_ROWS", 50)
-        report = await desk.run(REQUEST)
+        monkeypatch.setattr(manager_module, "PIECE_ROWS", 50)
+        report = await manager.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 120, START_NS + 60 * NS), "in shorter pieces"
-    with backtests(store, clock=ManualClock(), limits=Limits(backtest_s=0.0)) as desk:
-        report = await desk.run(REQUEST)
+    with backtests(store, clock=ManualClock(), limits=Limits(backtest_s=0.0)) as manager:
+        report = await manager.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 0, START_NS)
-    with backtests(store, limits=Limits(backtest_series=1)) as desk:
+    with backtests(store, limits=Limits(backtest_series=1)) as manager:
         with pytest.raises(InvalidRequestError, match="at most 1 at a time, these are 2"):
-            await desk.run(REQUEST)
+            await manager.run(REQUEST)

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gateway.backtest.axis import Axis, number, time_ticks, value_ticks
-from gateway.backtest.plot import LEFT, MARGIN, MOST_PANELS, WIDTH, plot_svg
+from gateway.alerting.backtest.axis import Axis, number, time_ticks, value_ticks
+from gateway.alerting.backtest.plot import LEFT, MARGIN, MOST_PANELS, WIDTH, plot_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 START_MS = 1_795_000_000_000.0

@@ -1,4 +1,4 @@
-"""Stored rows through a judge of their own: what fires, when, and how a series is drawn."""
+"""Stored rows through an evaluator of their own: what fires, when, and how a series is drawn."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.anomaly.checks import Check
-from gateway.anomaly.defaults import DEFAULT_CHECKS
-from gateway.backtest.replay import Columns, Replay
-from gateway.backtest.report import COOL_DOWN_NS, NS, Fired, grouped
-from gateway.backtest.trace import SPANS, Spans, Trace
+from gateway.alerting.anomaly.checks import Check
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.backtest.replay import Columns, Replay
+from gateway.alerting.backtest.report import COOL_DOWN_NS, NS, Fired, grouped
+from gateway.alerting.backtest.trace import SPANS, Spans, Trace
 from gateway.domain.channel import Series
 from gateway.domain.finding import Finding, FindingSeverity
 
@@ -118,8 +118,8 @@ def test_findings_of_one_cause_are_one_alert_until_it_was_quiet_for_long() -> No
             fired("change", 5000, 5001),
         ]
     )
-    told = [(one.cause, one.severity, one.first_ns // NS, one.last_ns // NS, one.findings) for one in alerts]
-    assert told == [
+    reported = [(one.cause, one.severity, one.first_ns // NS, one.last_ns // NS, one.findings) for one in alerts]
+    assert reported == [
         ("heat", "error", 10, 40, 2),
         ("change", "warning", 15, 0, 2),
         ("heat", "warning", 41 + cool_s, 60 + cool_s, 1),

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gateway.alerting.watch.entries import RowsEntry
 from gateway.domain.channel import Series
 from gateway.domain.sample import Rows
 from gateway.store.writes import StreamWrite
-from gateway.watch.entries import RowsEntry
 
 START_S = 1_700_000_000
 

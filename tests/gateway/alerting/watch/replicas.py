@@ -12,9 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from gateway.alerts.desk import AlertDesk
-from gateway.anomaly.config import JudgeConfig
-from gateway.anomaly.lasting import LastingConfig
+from gateway.alerting.alerts.manager import AlertManager
+from gateway.alerting.anomaly.config import EvaluatorConfig
+from gateway.alerting.anomaly.detectors.lasting import LastingConfig
+from gateway.alerting.watch.ownership import Ownership
+from gateway.alerting.watch.state_machine import StateMachine
+from gateway.alerting.watch.watch import Watch
 from gateway.domain.alert import Alert, AlertFilter
 from gateway.domain.channel import Series
 from gateway.domain.finding import Edge
@@ -23,15 +26,12 @@ from gateway.fleet.presence import Presence
 from gateway.store import Store
 from gateway.store.retention import Retention
 from gateway.store.writes import StreamWrite
-from gateway.watch.mind import Mind
-from gateway.watch.tenures import Tenures
-from gateway.watch.watch import Watch
 from metaros.clock import ManualClock, SystemClock
 
 __all__ = ["START_S", "Replica", "Replicas", "open_replicas"]
 
 START_S = 1_700_000_000
-CONFIG = JudgeConfig(lasting=LastingConfig(learn_s=40, epoch_s=20))
+CONFIG = EvaluatorConfig(lasting=LastingConfig(learn_s=40, epoch_s=20))
 SERIES = (Series("imu.x", "/imu", "x"), Series("left.motor_temperature.temperature", "/left/motor", "temperature"))
 EPOCH = 7
 
@@ -52,7 +52,7 @@ class Replica:
     name: str
     world: Replicas
     store: Store
-    desk: AlertDesk
+    manager: AlertManager
     watch: Watch
     presence: Presence
     told: list[tuple[str, Alert]] = field(default_factory=list)
@@ -60,21 +60,21 @@ class Replica:
     alive: bool = True
 
     @property
-    def tenures(self) -> Tenures:
-        found = self.watch._tenures
+    def ownership(self) -> Ownership:
+        found = self.watch._ownership
         assert found is not None
         return found
 
     async def step(self) -> None:
         """What its loops do within a second."""
         await self.presence.look()
-        await self.tenures.step()
+        await self.ownership.step()
         for robot in self.world.linked(self.name):
-            self.watch.facts.heard(robot)
-        await self.watch.turn()
-        self.desk.tick()
-        await self.desk.save()
-        await self.desk.look()
+            self.watch.facts.heartbeat(robot)
+        await self.watch.run_cycle()
+        self.manager.tick()
+        await self.manager.save()
+        await self.manager.refresh()
 
     async def stored(self) -> None:
         """What came is in the store, and the watch was told."""
@@ -126,14 +126,14 @@ class Replicas:
             self.clock.advance(some)
             living = [one for one in self.by_name.values() if one.alive]
             for one in living:
-                await one.presence.say()
+                await one.presence.publish()
             for one in living:
                 await one.step()
 
     async def alerts(self) -> list[Alert]:
         """All of the store."""
         one = next(one for one in self.by_name.values() if one.alive)
-        return await one.desk.list(AlertFilter(), limit=100)
+        return await one.manager.list(AlertFilter(), limit=100)
 
     def judges(self, robot: str) -> list[str]:
         """Who judges a robot."""
@@ -145,10 +145,11 @@ class Replicas:
         return Counter((alert.robot, alert.cause) for alert in told)
 
     def judged(self, name: str, robot: str = "r1") -> dict[str, tuple[float, ...]]:
-        """What a gateway's judge says of a robot's series."""
-        judge = self.by_name[name].watch._turns.mind.judge
+        """What a gateway's evaluator says of a robot's series."""
+        evaluator = self.by_name[name].watch._evaluation.state_machine.evaluator
         return {
-            series: (judge.score(slot), *judge.band(slot), *judge.learned(slot)) for series, slot in judge.series(robot)
+            series: (evaluator.score(slot), *evaluator.band(slot), *evaluator.learned(slot))
+            for series, slot in evaluator.series(robot)
         }
 
 
@@ -159,10 +160,10 @@ class Where:
     world: Replicas
     name: str
 
-    def here(self) -> Sequence[str]:
+    def local(self) -> Sequence[str]:
         return self.world.linked(self.name)
 
-    def elsewhere(self, robot: str) -> bool:
+    def is_remote(self, robot: str) -> bool:
         return self.world.home.get(robot, "") != self.name and self.world.by_name[self.name].presence.of(robot)[0]
 
     def expected(self, robot: str) -> bool:
@@ -187,39 +188,39 @@ async def replica(world: Replicas, folder: Path, url: str, name: str) -> AsyncIt
     retention = Retention(age_s=1e9, size_bytes=1 << 40)
     store = Store(folder / name, clock=SystemClock(), retention=retention, queue_bytes=1 << 24, url=url)
     clock = world.clock
-    desk = AlertDesk(store, clock=clock)
+    manager = AlertManager(store, clock=clock)
     made: Replica
 
-    def tell(edges: Sequence[Edge]) -> None:
+    def report(edges: Sequence[Edge]) -> None:
         made.edges += edges
-        desk.tell(edges)
+        manager.report(edges)
 
     watch = Watch(
         folder / name / "watch",
         store,
         clock=clock,
-        tell=tell,
+        report=report,
         clip=no_clip,
-        make=lambda: Mind(config=CONFIG),
+        make=lambda: StateMachine(config=CONFIG),
         where=Where(world, name),
-        gained=desk.adopt,
-        lost=desk.release,
+        gained=manager.adopt,
+        lost=manager.release,
     )
     presence = Presence(store, lambda robot: (world.home.get(robot) == name, world.clock.wall_ns()), clock=clock)
-    made = world.by_name[name] = Replica(name, world, store, desk, watch, presence)
-    desk.listen(lambda what, alert: made.told.append((what, alert)))
+    made = world.by_name[name] = Replica(name, world, store, manager, watch, presence)
+    manager.listen(lambda what, alert: made.told.append((what, alert)))
     store.start(watch.on_committed, None, watch.ahead)
-    await desk.start(adopt=False)
+    await manager.start(adopt=False)
     await watch.start()
-    await watch.know([alert.robot for alert in desk.known()])
+    await watch.ensure_evaluated([alert.robot for alert in manager.known()])
     await watch.begin()
     try:
         yield made
     finally:
         if made.alive:
             await watch.close()
-            await desk.close()
+            await manager.close()
         else:
-            watch._turns.stop = True
+            watch._evaluation.stop = True
             watch._thread.shutdown()
         await store.close()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.watch.bands import Bands
-from gateway.watch.rows import BandPoint
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.rows import BandPoint
 
 
 def point(stamp_ns: int) -> BandPoint:

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from gateway.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.watch.checking import Change, checked, merged, row_of
+from gateway.alerting.watch.errors import UnknownCheckError
 from gateway.errors import InvalidRequestError
-from gateway.watch.checking import Change, checked, merged, row_of
-from gateway.watch.errors import UnknownCheckError
 from tests.support.tables import refusal
 
 HOT = next(check for check in DEFAULT_CHECKS if check.id == "motor_hot")

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from gateway.alerting.watch.clips import A_DAY, Clips
 from gateway.domain.alert import Alert
-from gateway.domain.recording import REQUESTED, Recording
+from gateway.domain.fleet.recording import REQUESTED, Recording
 from gateway.errors import StoreError, TooManyError
-from gateway.watch.clips import A_DAY, Clips
 from metaros.clock import ManualClock
 
 S = 10**9

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.watch.entries import Turn, pack_rows, pack_turn, unpack_rows, unpack_turn
-from tests.gateway.watch.made import entry
+from gateway.alerting.watch.entries import Cycle, pack_cycle, pack_rows, unpack_cycle, unpack_rows
+from tests.gateway.alerting.watch.made import entry
 
 
 def test_rows_come_back_with_every_bit() -> None:
@@ -33,6 +33,6 @@ def test_a_span_is_what_lies_between_two_marks() -> None:
     ]
 
 
-def test_a_turn_comes_back() -> None:
-    turn = Turn(now_s=1.1, marks={("r1", 1 << 31, 2**64 - 1): 2**53 + 1}, facts=[["heard", ["r1"], 0.1]])
-    assert unpack_turn(pack_turn(turn)) == turn
+def test_a_cycle_comes_back() -> None:
+    cycle = Cycle(now_s=1.1, marks={("r1", 1 << 31, 2**64 - 1): 2**53 + 1}, facts=[["heard", ["r1"], 0.1]])
+    assert unpack_cycle(pack_cycle(cycle)) == cycle

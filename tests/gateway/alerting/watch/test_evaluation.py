@@ -1,4 +1,4 @@
-"""The judge's thread: whatever the instant of a kill, it goes on as if there had been none."""
+"""The evaluator's thread: whatever the instant of a kill, it goes on as if there had been none."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from random import Random  # noqa: TID251 - seeded
 import numpy as np
 import pytest
 
-from gateway.anomaly import cells
+from gateway.alerting.anomaly.detectors import cells
+from gateway.alerting.watch import evaluation as turns_module
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.entries import Cycle, Mark
+from gateway.alerting.watch.evaluation import EvaluationThread
+from gateway.alerting.watch.intake import Intake
+from gateway.alerting.watch.watch_files import WatchFiles
 from gateway.domain.finding import Edge
 from gateway.store.writes import StreamWrite
-from gateway.watch import turns as turns_module
-from gateway.watch.bands import Bands
-from gateway.watch.entries import Mark, Turn
-from gateway.watch.intake import Intake
-from gateway.watch.keeper import Keeper
-from gateway.watch.turns import Turns
 from metaros.clock import ManualClock
-from tests.gateway.watch.made import START_S, write
+from tests.gateway.alerting.watch.made import START_S, write
 
 SERIES = ("a.x", "a.y")
 
 
 def wave(made: StreamWrite) -> StreamWrite:
-    """The write with values that a judge has something to say about."""
+    """The write with values that an evaluator has something to say about."""
     assert made.rows is not None
     numbers = made.rows.values.copy()
     made.rows.values[:] = 3.0 * (numbers // 700 % 2) + np.sin(numbers / 9) + numbers * 7919 % 101 / 300
@@ -46,11 +46,11 @@ class World:
 
     def start(self) -> None:
         """The next life."""
-        keeper = Keeper(self.folder, log_bytes=40_000)
-        keeper.begin()
-        self.intake, self.bands = Intake(keeper), Bands()
-        self.turns = Turns(self.intake, self.bands, clock=self.clock)
-        self.told = self.turns.restore(dict(self.stored))
+        files = WatchFiles(self.folder, log_bytes=40_000)
+        files.begin()
+        self.intake, self.bands = Intake(files), Bands()
+        self.evaluation = EvaluationThread(self.intake, self.bands, clock=self.clock)
+        self.told = self.evaluation.restore(dict(self.stored))
 
     def ahead(self, made: StreamWrite) -> None:
         """The store is about to commit."""
@@ -63,27 +63,30 @@ class World:
         if told:
             self.told[mark] = made.seq
 
-    def turn(self, *facts: list[object]) -> list[Edge]:
-        """The judge's turn."""
+    def run_cycle(self, *facts: list[object]) -> list[Edge]:
+        """The evaluator's cycle."""
         self.clock.advance(1.0)
         marks, self.told = self.told, {}
-        edges = self.turns.turn(Turn(now_s=START_S + 1.0, marks=marks, facts=facts))
+        edges = self.evaluation.run_cycle(Cycle(now_s=START_S + 1.0, marks=marks, facts=facts))
         self.edges += edges
         return edges
 
     def settle(self) -> None:
-        """Turns until all is judged: of a robot a turn judges so many seconds at most."""
+        """Cycles until all is judged: of a robot a cycle judges so many seconds at most."""
         for _ in range(8):
-            self.turn()
+            self.run_cycle()
 
     def judged(self) -> dict[str, tuple[float, ...]]:
-        """What the judge says of the robot's series."""
-        judge = self.turns.mind.judge
-        return {name: (judge.score(slot), *judge.band(slot), *judge.learned(slot)) for name, slot in judge.series("r1")}
+        """What the evaluator says of the robot's series."""
+        evaluator = self.evaluation.state_machine.evaluator
+        return {
+            name: (evaluator.score(slot), *evaluator.band(slot), *evaluator.learned(slot))
+            for name, slot in evaluator.series("r1")
+        }
 
     def dump(self) -> bytes:
-        """Everything that the judge will depend on."""
-        return self.turns.mind.judge.dump()
+        """Everything that the evaluator will depend on."""
+        return self.evaluation.state_machine.evaluator.dump()
 
 
 def plain(folder: Path, writes: list[StreamWrite]) -> World:
@@ -129,7 +132,7 @@ def test_kills_at_any_instant_change_nothing(tmp_path: Path, seed: int, monkeypa
             world.start()
             kills += 1
         if rng.random() < 0.4:
-            world.turn()
+            world.run_cycle()
     world.start()
     world.settle()
     calm = plain(tmp_path / "calm", made)
@@ -147,7 +150,7 @@ def test_a_snapshot_that_is_damaged_lets_it_learn_anew(tmp_path: Path, monkeypat
     for made in writes_of(Random(1), 1500):
         world.ahead(made)
         world.commit(made)
-        world.turn()
+        world.run_cycle()
     (path,) = [path for path in tmp_path.iterdir() if path.name.startswith("snapshot-")]
     path.write_bytes(path.read_bytes()[:-10])
     world.start()
@@ -155,7 +158,7 @@ def test_a_snapshot_that_is_damaged_lets_it_learn_anew(tmp_path: Path, monkeypat
     again = wave(write(1501, 10, series=SERIES))
     world.ahead(again)
     world.commit(again)
-    world.turn()
+    world.run_cycle()
     assert set(world.judged()) == set(SERIES)
 
 
@@ -165,8 +168,10 @@ def test_facts_and_teaching_come_again_in_a_replay(tmp_path: Path) -> None:
     for made in writes_of(Random(2), 900):
         world.ahead(made)
         world.commit(made)
-    world.turn(["link", "r1", True, START_S], ["robot", "r1", "model=x"], ["rates", "r1", {"/a": 9.5}, START_S + 90.0])
-    world.turn(
+    world.run_cycle(
+        ["link", "r1", True, START_S], ["robot", "r1", "model=x"], ["rates", "r1", {"/a": 9.5}, START_S + 90.0]
+    )
+    world.run_cycle(
         ["checks", {"novelty": {"severity": "warning"}}],
         ["accept", "r1", "a.x", "level", 1.5],
         ["gap", "r1", "s", 3, START_S],
@@ -178,7 +183,7 @@ def test_facts_and_teaching_come_again_in_a_replay(tmp_path: Path) -> None:
 
 def test_a_robot_that_was_forgotten_is_learned_anew(tmp_path: Path) -> None:
     world = plain(tmp_path, [wave(write(1, 50, series=SERIES)), wave(write(1, 50, robot="r2", series=SERIES))])
-    world.turn(["forget", "r1"])
+    world.run_cycle(["forget", "r1"])
     assert world.judged() == {}
     again = wave(write(51, 50, series=SERIES))
     world.ahead(again)
@@ -187,11 +192,11 @@ def test_a_robot_that_was_forgotten_is_learned_anew(tmp_path: Path) -> None:
     assert set(world.judged()) == set(SERIES)
 
 
-def test_an_unknown_fact_ends_its_turn_and_nothing_else(tmp_path: Path) -> None:
+def test_an_unknown_fact_ends_its_cycle_and_nothing_else(tmp_path: Path) -> None:
     world = World(tmp_path)
     world.start()
-    assert world.turn(["no such fact", 1]) == []
-    world.turn(["link", "r1", True, START_S])
+    assert world.run_cycle(["no such fact", 1]) == []
+    world.run_cycle(["link", "r1", True, START_S])
     world.start()
     assert world.dump()
 
@@ -203,17 +208,17 @@ def test_wanted_series_have_points_and_learning_says_how_far(tmp_path: Path) -> 
     for made in writes_of(Random(3), 600):
         world.ahead(made)
         world.commit(made)
-        world.turn()
+        world.run_cycle()
     points = world.bands.read("r1", "a.x", 0, 1 << 62)
     assert len(points) > 5
     assert points == sorted(points, key=lambda point: point.stamp_ns)
     assert all(math.isfinite(point.value) for point in points)
     assert points[-1].low is not None
     assert points[-1].high is not None
-    rows = world.turns.learning("r1")
+    rows = world.evaluation.learning("r1")
     assert [row.series for row in rows] == list(SERIES)
     assert all(row.seen > 0 for row in rows)
-    assert world.turns.learning("nobody") == []
+    assert world.evaluation.learning("nobody") == []
 
 
 def test_a_store_that_takes_nothing_costs_no_row_twice(tmp_path: Path) -> None:
@@ -221,7 +226,7 @@ def test_a_store_that_takes_nothing_costs_no_row_twice(tmp_path: Path) -> None:
     world.start()
     for first in (1, 101, 201):  # given up
         world.ahead(wave(write(first, 100, series=SERIES)))
-        world.turn()
+        world.run_cycle()
     again = wave(write(1, 600, series=SERIES))
     world.ahead(again)
     world.commit(again)

@@ -1,4 +1,4 @@
-"""Facts between two turns: bounded, in their order, as JSON takes them."""
+"""Facts between two cycles: bounded, in their order, as JSON takes them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 
 import orjson
 
-from gateway.domain.twin import Reported
-from gateway.watch.facts import Facts
+from gateway.alerting.watch.facts import Facts
+from gateway.domain.fleet.twin import Reported
 
 
 def report(nodes: object, *, whole: bytes | None = None) -> Reported:
@@ -26,8 +26,8 @@ def told(before: object, after: object) -> list[list[object]]:
 def test_facts_are_taken_once_and_in_order() -> None:
     facts = Facts()
     facts.add("link", "r1", True, 1.0)
-    facts.heard("r1")
-    facts.heard("r2")
+    facts.heartbeat("r1")
+    facts.heartbeat("r2")
     facts.rates("r1", {"/a": 10.0, "/b": math.nan}, 2.0)
     assert facts.take(3.0) == [
         ["link", "r1", True, 1.0],
@@ -41,19 +41,19 @@ def test_what_is_beyond_the_bound_is_counted() -> None:
     facts = Facts(most=2)
     for number in range(5):
         facts.add("link", f"r{number}", True, 1.0)
-        facts.heard(f"r{number}")
+        facts.heartbeat(f"r{number}")
     assert [fact[0] for fact in facts.take(1.0)] == ["link", "link", "heard"]
     assert facts.skipped == 3
 
 
-def test_a_cohort_is_told_where_it_is_news() -> None:
+def test_a_cohort_is_reported_where_it_is_news() -> None:
     facts = Facts()
     for cohort in ("", "a", "a", "b", ""):
         facts.cohort("r1", cohort)
     assert facts.take(1.0) == [["robot", "r1", "a"], ["robot", "r1", "b"], ["robot", "r1", ""]]
 
 
-def test_nodes_that_began_again_or_were_given_up_are_told() -> None:
+def test_nodes_that_began_again_or_were_given_up_are_reported() -> None:
     assert told({"n": {"restarts": 1, "crashes": 0}}, {"n": {"restarts": 2, "crashes": 1}}) == [
         ["node", "r1", "n", "restarted", 5.0]
     ]

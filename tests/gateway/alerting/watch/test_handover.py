@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.store.watch_states import Saved
-from gateway.watch.bands import Bands
-from gateway.watch.intake import Intake
-from gateway.watch.keeper import Keeper
-from gateway.watch.moves import AHEAD_NS, BACK_NS, Moves, Window
-from gateway.watch.pending import Pending
-from gateway.watch.turns import Turns
+from gateway.alerting.watch.bands import Bands
+from gateway.alerting.watch.evaluation import EvaluationThread
+from gateway.alerting.watch.handover import AHEAD_NS, BACK_NS, Handover, ReplayWindow
+from gateway.alerting.watch.intake import Intake
+from gateway.alerting.watch.pending_rows import PendingRows
+from gateway.alerting.watch.watch_files import WatchFiles
+from gateway.store.alerting.watch_states import Saved
 from metaros.clock import ManualClock
-from tests.gateway.watch.made import entry
+from tests.gateway.alerting.watch.made import entry
 
 S = 10**9
 NOW = 1_700_000_000 * S
@@ -23,42 +23,42 @@ STATE = Saved(robot="r1", fence=1, version=1, saved_ns=NOW, newest_ns=NOW - 3600
 
 
 def test_rows_since_the_state_by_the_robots_own_clock() -> None:
-    window = Window.after(STATE, NOW + 20 * S)
+    window = ReplayWindow.after(STATE, NOW + 20 * S)
     assert (window.start_ns, window.end_ns) == (STATE.newest_ns - BACK_NS, STATE.newest_ns + 20 * S + AHEAD_NS)
     assert window.skipped_s == 0.0
-    set_back = Window.after(STATE, NOW - 500 * S)  # the calendar was
+    set_back = ReplayWindow.after(STATE, NOW - 500 * S)  # the calendar was
     assert set_back.start_ns <= STATE.newest_ns <= set_back.end_ns
 
 
 def test_what_is_older_than_ten_minutes_is_left_out_and_declared() -> None:
-    window = Window.after(STATE, NOW + 4200 * S)
+    window = ReplayWindow.after(STATE, NOW + 4200 * S)
     assert (window.start_ns, window.skipped_s) == (STATE.newest_ns + 3600 * S, 3600.0)
 
 
 def test_without_a_state_there_is_nothing_to_go_on_from() -> None:
     for state in (None, replace(STATE, version=0), replace(STATE, newest_ns=0)):
-        window = Window.after(state, NOW)
+        window = ReplayWindow.after(state, NOW)
         assert window.start_ns > window.end_ns
 
 
 def test_a_clock_at_either_end_of_all_stamps_asks_for_none_beyond() -> None:
     for newest_ns in (2**63 - 1, -(2**63)):
-        window = Window.after(replace(STATE, newest_ns=newest_ns), NOW + 20 * S)
+        window = ReplayWindow.after(replace(STATE, newest_ns=newest_ns), NOW + 20 * S)
         assert -(2**63) <= window.start_ns <= newest_ns <= window.end_ns < 2**63
 
 
 def test_the_newest_row_of_a_clock_at_the_beginning_of_all_stamps_can_be_stored(tmp_path: Path) -> None:
-    intake = Intake(Keeper(tmp_path))
-    turns = Turns(intake, Bands(), clock=ManualClock())
-    judge = turns.mind.judge
-    judge.samples(np.array([judge.slot("r1", "a.x")]), np.array([-(2**63) / 1e9]), np.ones(1))
-    judge.tick(0.0)
-    (state,) = Moves(turns, intake).dump({"r1": 1}, most_bytes=1e9, now_ns=NOW)
+    intake = Intake(WatchFiles(tmp_path))
+    evaluation = EvaluationThread(intake, Bands(), clock=ManualClock())
+    evaluator = evaluation.state_machine.evaluator
+    evaluator.samples(np.array([evaluator.slot("r1", "a.x")]), np.array([-(2**63) / 1e9]), np.ones(1))
+    evaluator.tick(0.0)
+    (state,) = Handover(evaluation, intake).dump({"r1": 1}, most_bytes=1e9, now_ns=NOW)
     assert state.newest_ns == -(2**63)
 
 
-def test_rows_that_were_judged_elsewhere_are_not_judged_again() -> None:
-    pending = Pending()
+def test_rows_that_were_judged_remote_are_not_judged_again() -> None:
+    pending = PendingRows()
     for first_seq in (1, 11, 21):
         pending.add(entry(first_seq, 10))
     pending.add(entry(1, 5, robot="r2"))

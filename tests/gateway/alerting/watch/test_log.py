@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.watch.log import MAX_RECORD_BYTES, LogFile, read_log
+from gateway.alerting.watch.log import MAX_RECORD_BYTES, LogFile, read_log
 
 RECORDS = [(1, b"one"), (2, b""), (1, b"x" * 5000)]
 

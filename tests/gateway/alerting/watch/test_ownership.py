@@ -12,17 +12,17 @@ from typing import Any, cast
 
 import pytest
 
+from gateway.alerting.watch import ownership as module
+from gateway.alerting.watch.ownership import Ownership
+from gateway.alerting.watch.remote_watch import RemoteWatch, answers
 from gateway.cluster.errors import PeerGoneError
 from gateway.errors import StoreError
+from gateway.store.alerting.watch_states import Saved, read_state, take_states
 from gateway.store.engine import StoreEngine
-from gateway.store.watch_states import Saved, read_state, take_states
-from gateway.watch import tenures as module
-from gateway.watch.elsewhere import Elsewhere, answers
-from gateway.watch.tenures import Tenures
 from metaros.clock import ManualClock
-from tests.gateway.watch.replicas import open_replicas
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.postgres import PostgresServer
+from tests.gateway.alerting.watch.replicas import open_replicas
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.servers.postgres import PostgresServer
 
 LEARN_S = 60
 
@@ -83,8 +83,10 @@ async def test_after_a_kill_the_new_home_finds_what_came_meanwhile_and_alerts_of
         assert world.opened()["r1", "heat"] == 1
         await world.run(60, at_once=3)
         assert {alert.cause: alert.state for alert in await world.alerts()}["heat"] == "resolved"
-        told = [what for what, alert in (*a.told, *b.told) if alert.cause == "heat" and what in ("opened", "resolved")]
-        assert told == ["opened", "resolved"]
+        reported = [
+            what for what, alert in (*a.told, *b.told) if alert.cause == "heat" and what in ("opened", "resolved")
+        ]
+        assert reported == ["opened", "resolved"]
 
 
 async def test_what_goes_on_after_a_kill_stays_the_same_open_alert(tmp_path: Path, postgres: PostgresServer) -> None:
@@ -94,7 +96,7 @@ async def test_what_goes_on_after_a_kill_stays_the_same_open_alert(tmp_path: Pat
         await world.run(12, shift=60.0)
         world.by_name["a"].alive = False
         world.link("r1", "b")
-        await world.run(200, shift=60.0, at_once=10)  # longer than the desk waits for what is told again
+        await world.run(200, shift=60.0, at_once=10)  # longer than the manager waits for what is told again
         (alert,) = [alert for alert in await world.alerts() if alert.cause == "heat"]
         assert (alert.state, alert.times, alert.clear_ns) == ("open", 1, 0)
         assert alert.gateway == world.by_name["b"].store.gateway_id
@@ -128,20 +130,20 @@ async def test_a_gateway_that_hung_and_comes_back_judges_and_saves_nothing_of_wh
         world.link("r1", "a")
         await world.run(60, at_once=20)
         a, b = world.by_name["a"], world.by_name["b"]
-        late = await a.tenures._dump(dict(a.tenures.held), 1e9)
+        late = await a.ownership._dump(dict(a.ownership.held), 1e9)
         a.alive = False  # it hangs
         world.link("r1", "b")
         await world.run(15)
         assert world.judges("r1") == ["b"]
         stored = await b.store.read(lambda engine: state_of(engine, "r1"))
         a.alive = True
-        assert await a.tenures._store(late) == set()
+        assert await a.ownership._store(late) == set()
         rows = a.watch.describe()["rows"]
         world.submit("r1", "a", second=world.second)
         await a.stored()
-        await a.watch.turn()
+        await a.watch.run_cycle()
         assert a.watch.describe()["rows"] == rows
-        assert not a.tenures.sure
+        assert not a.ownership.sure
         await a.step()
         assert world.judges("r1") == ["b"]
         assert await b.store.read(lambda engine: state_of(engine, "r1")) == stored
@@ -158,9 +160,9 @@ async def test_a_robot_whose_gateway_died_and_that_comes_nowhere_is_offline_once
         await world.run(25, at_once=5)
         assert world.judges("r1") == []  # it has its time to come
         await world.run(20, at_once=2)
-        (judge,) = world.judges("r1")
+        (evaluator,) = world.judges("r1")
         assert world.opened() == {("r1", "offline"): 1}
-        other = "c" if judge == "b" else "b"
+        other = "c" if evaluator == "b" else "b"
         world.link("r1", other)
         await world.run(45, at_once=3)
         assert world.judges("r1") == [other]
@@ -227,7 +229,7 @@ async def test_what_cannot_be_read_is_learned_anew_and_said_once(
         world.link("r1", "b")
         with caplog.at_level(logging.WARNING):
             await world.run(20)
-        (said,) = [record.message for record in caplog.records if record.name.startswith("gateway.watch")]
+        (said,) = [record.message for record in caplog.records if record.name.startswith("gateway.alerting.watch")]
         assert "learned anew" in said
         assert 15 <= world.judged("b")["imu.x"][3] <= 20
 
@@ -264,8 +266,8 @@ async def test_questions_and_lessons_go_to_the_gateway_that_judges_the_robot(
         for one in (a, b):
             mesh = meshes.join(one.store.gateway_id)
             for verb, answer in answers(one.watch).items():
-                mesh.on_ask(verb, answer)
-            one.watch.elsewhere = Elsewhere(one.store, partial(mesh.ask, timeout_s=5.0))
+                mesh.on_request(verb, answer)
+            one.watch.remote = RemoteWatch(one.store, partial(mesh.request, timeout_s=5.0))
         world.link("r1", "a")
         await world.run(LEARN_S, at_once=20)
         assert await b.watch.band("r1", "imu.x", 0, 1 << 62) == []  # a keeps points from now on
@@ -301,10 +303,10 @@ async def test_a_store_that_is_away_is_said_once_and_asked_again(
             return {}, []
 
     database: Any = Away()
-    clock, nobody = ManualClock(), cast("Any", SimpleNamespace(here=list))
-    tenures = Tenures(database, nobody, nobody, clock=clock, where=nobody, gained=nobody, lost=nobody)
+    clock, nobody = ManualClock(), cast("Any", SimpleNamespace(local=list))
+    ownership = Ownership(database, nobody, nobody, clock=clock, where=nobody, gained=nobody, lost=nobody)
     with caplog.at_level(logging.WARNING):
-        running = asyncio.create_task(tenures.run())
+        running = asyncio.create_task(ownership.run())
         for _ in range(40):
             await asyncio.sleep(0)
             clock.advance(1.0)

@@ -1,21 +1,21 @@
-"""Rows between the writer and the judge: each is taken once, whatever came twice, in the order of its number."""
+"""Rows between the writer and the evaluator: each is taken once, whatever came twice, in the order of its number."""
 
 from __future__ import annotations
 
-from gateway.watch.entries import Mark
-from gateway.watch.pending import Pending
-from tests.gateway.watch.made import entry
+from gateway.alerting.watch.entries import Mark
+from gateway.alerting.watch.pending_rows import PendingRows
+from tests.gateway.alerting.watch.made import entry
 
 R1: Mark = ("r1", 0, 7)
 R2: Mark = ("r2", 0, 7)
 
 
-def taken(pending: Pending, marks: dict[Mark, int]) -> list[float]:
+def taken(pending: PendingRows, marks: dict[Mark, int]) -> list[float]:
     return [value for found, span in pending.take(marks) for value in found.values[span].tolist()]
 
 
 def test_only_what_is_committed_is_taken() -> None:
-    pending = Pending()
+    pending = PendingRows()
     pending.add(entry(1, 10))
     pending.add(entry(11, 10))
     assert taken(pending, {R1: 10}) == list(range(1, 11))
@@ -27,7 +27,7 @@ def test_only_what_is_committed_is_taken() -> None:
 
 
 def test_a_write_may_be_committed_in_parts() -> None:
-    pending = Pending()
+    pending = PendingRows()
     pending.add(entry(1, 10))
     assert taken(pending, {R1: 4}) == [1, 2, 3, 4]
     assert taken(pending, {R1: 10}) == [5, 6, 7, 8, 9, 10]
@@ -35,7 +35,7 @@ def test_a_write_may_be_committed_in_parts() -> None:
 
 
 def test_what_was_given_up_and_comes_again_cut_otherwise_is_taken_once() -> None:
-    pending = Pending()
+    pending = PendingRows()
     for first_seq, count in ((1, 5), (6, 5), (11, 5)):
         pending.add(entry(first_seq, count))
     for first_seq, count in ((1, 8), (9, 12)):
@@ -46,7 +46,7 @@ def test_what_was_given_up_and_comes_again_cut_otherwise_is_taken_once() -> None
 
 
 def test_numbers_that_were_lost_are_passed_over() -> None:
-    pending = Pending()
+    pending = PendingRows()
     pending.add(entry(1, 2))
     assert taken(pending, {R1: 2}) == [1, 2]
     assert taken(pending, {R1: 50}) == []
@@ -55,7 +55,7 @@ def test_numbers_that_were_lost_are_passed_over() -> None:
 
 
 def test_streams_and_epochs_do_not_meet() -> None:
-    pending = Pending()
+    pending = PendingRows()
     pending.add(entry(1, 3))
     pending.add(entry(1, 3, epoch=8))
     pending.add(entry(1, 3, robot="r2"))
@@ -65,7 +65,7 @@ def test_streams_and_epochs_do_not_meet() -> None:
 
 
 def test_more_than_the_bound_is_left_out_the_oldest_first() -> None:
-    pending = Pending(max_rows=100)
+    pending = PendingRows(max_rows=100)
     for number in range(30):
         pending.add(entry(1 + 10 * number, 10, robot=f"r{number % 2 + 1}"))
     assert pending.rows == 100
@@ -78,8 +78,8 @@ def test_more_than_the_bound_is_left_out_the_oldest_first() -> None:
     assert pending.rows == 0
 
 
-def test_what_waits_may_be_added_elsewhere() -> None:
-    pending, other = Pending(), Pending()
+def test_what_waits_may_be_added_remote() -> None:
+    pending, other = PendingRows(), PendingRows()
     for first_seq in (1, 4, 7):
         pending.add(entry(first_seq, 3))
     pending.take({R1: 5})

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from gateway.watch import published as module
-from gateway.watch.published import Published
+from gateway.alerting.watch import published as module
+from gateway.alerting.watch.published import Published
 
 
 def test_a_node_is_known_by_its_name_and_its_topics_by_both_spellings() -> None:
     known = Published()
     known.learn("r1", 1, {"/r1/scan": ["/r1/lidar"], "/r1/tf": ["/r1/lidar", "/r1/base"]})
-    told = {"/r1/scan", "/r1/tf"}
-    assert known.topics_of("r1", "lidar") == known.topics_of("r1", "/r1/lidar") == told
+    reported = {"/r1/scan", "/r1/tf"}
+    assert known.topics_of("r1", "lidar") == known.topics_of("r1", "/r1/lidar") == reported
     assert known.topics_of("r1", "dar") == set()
     assert known.topics_of("r2", "lidar") == set()
 

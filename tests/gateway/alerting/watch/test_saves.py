@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.watch.saves import Saves
+from gateway.alerting.watch.saves import Saves
 
 
 def test_robots_that_came_at_once_are_saved_one_after_another() -> None:
@@ -15,7 +15,7 @@ def test_robots_that_came_at_once_are_saved_one_after_another() -> None:
     assert counts[0] < 10 < counts[1] < counts[2] < counts[3] < counts[4] == 100
 
 
-def test_what_was_told_is_saved_first_and_what_is_saved_waits_for_its_next_time() -> None:
+def test_what_was_reported_is_saved_first_and_what_is_saved_waits_for_its_next_time() -> None:
     saves = Saves(every_s=60.0)
     for robot in ("r1", "r2", "r3"):
         saves.begin(robot, 0.0)

@@ -1,4 +1,4 @@
-"""The watch on the event loop: what it is told reaches the judge, and what the judge finds is told."""
+"""The watch on the event loop: what it is told reaches the evaluator, and what the evaluator finds is told."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.alerting.watch.errors import UnknownCheckError
+from gateway.alerting.watch.watch import Watch
 from gateway.domain.alert import Alert, Evidence
 from gateway.domain.finding import Edge, Finding
 from gateway.domain.sample import Gap
@@ -20,31 +22,29 @@ from gateway.errors import InvalidRequestError
 from gateway.store import Store
 from gateway.store.retention import Retention
 from gateway.store.writes import Committed, Mark, StreamWrite
-from gateway.watch.errors import UnknownCheckError
-from gateway.watch.watch import Watch
 from metaros.clock import ManualClock, SystemClock
-from tests.gateway.watch.made import START_S, write
+from tests.gateway.alerting.watch.made import START_S, write
 
 NAN = float("nan")
 
 
 @dataclass
 class Rig:
-    """A watch on a real store; `turn` is a second later."""
+    """A watch on a real store; `cycle` is a second later."""
 
     watch: Watch
     clock: ManualClock
     edges: list[Edge] = field(default_factory=list)
     longest: int = 0
 
-    def tell(self, edges: Sequence[Edge]) -> None:
+    def report(self, edges: Sequence[Edge]) -> None:
         self.edges += edges
         self.longest = max(self.longest, len(edges))
 
-    async def turn(self, seconds: float = 1.0) -> list[Edge]:
+    async def run_cycle(self, seconds: float = 1.0) -> list[Edge]:
         self.edges.clear()
         self.clock.advance(seconds)
-        await self.watch.turn()
+        await self.watch.run_cycle()
         return list(self.edges)
 
     def commit(self, *writes: StreamWrite) -> None:
@@ -74,7 +74,7 @@ async def watching(store: Store, folder: Path, *, on: bool = True, later_s: floa
 
     clock = ManualClock(wall_ns=round((START_S + later_s) * 1e9))
     rig: Rig
-    watch = Watch(folder / "watch", store, clock=clock, tell=lambda edges: rig.tell(edges), clip=no_clip, on=on)
+    watch = Watch(folder / "watch", store, clock=clock, report=lambda edges: rig.report(edges), clip=no_clip, on=on)
     rig = Rig(watch, clock)
     await watch.start()
     if on:
@@ -106,7 +106,7 @@ async def test_committed_rows_are_judged_and_shown(tmp_path: Path) -> None:
         assert await rig.watch.learning("r1") == []
         assert await rig.watch.band("r1", "a.x", 0, 1 << 62) == []
         rig.commit(write(1, 60))
-        await rig.turn()
+        await rig.run_cycle()
         (row,) = await rig.watch.learning("r1")
         assert (row.series, row.seen > 50, row.of > 60) == ("a.x", True, True)
         (point,) = await rig.watch.band("r1", "a.x", 0, 1 << 62)
@@ -119,75 +119,75 @@ async def test_a_robot_whose_link_ends_is_offline_after_half_a_minute_and_once_i
 ) -> None:
     async with store_in(tmp_path) as store, watching(store, tmp_path) as rig:
         rig.watch.facts.add("link", "r1", True, rig.now_s)
-        rig.watch.facts.heard("r1")
-        assert await rig.turn() == []
+        rig.watch.facts.heartbeat("r1")
+        assert await rig.run_cycle() == []
         rig.watch.facts.add("link", "r1", False, rig.now_s)
-        assert await rig.turn(20.0) == []
-        (edge,) = await rig.turn(15.0)
+        assert await rig.run_cycle(20.0) == []
+        (edge,) = await rig.run_cycle(15.0)
         assert (edge.change, edge.finding.cause, edge.finding.severity) == ("opened", "offline", "error")
         rig.watch.facts.add("link", "r1", True, rig.now_s)
-        rig.watch.facts.heard("r1")
-        edges = await rig.turn()
+        rig.watch.facts.heartbeat("r1")
+        edges = await rig.run_cycle()
         for _ in range(10):
-            rig.watch.facts.heard("r1")
-            edges += await rig.turn()
+            rig.watch.facts.heartbeat("r1")
+            edges += await rig.run_cycle()
         assert [edge.change for edge in edges] == ["cleared"]
 
 
-async def test_after_a_restart_robots_have_their_time_to_come_back_and_what_is_open_is_told_again(
+async def test_after_a_restart_robots_have_their_time_to_come_back_and_what_is_open_is_reported_again(
     tmp_path: Path,
 ) -> None:
     async with store_in(tmp_path) as store:
         async with watching(store, tmp_path) as rig:
             for robot in ("r1", "gone"):
                 rig.watch.facts.add("link", robot, True, rig.now_s)
-            await rig.turn()
+            await rig.run_cycle()
             for _ in range(40):
-                rig.watch.facts.heard("r1")
-                await rig.turn()
+                rig.watch.facts.heartbeat("r1")
+                await rig.run_cycle()
         async with watching(store, tmp_path, later_s=3600.0) as rig:
             (edge,) = rig.edges
             assert (edge.change, edge.finding.robot, edge.finding.cause) == ("opened", "gone", "offline")
             for _ in range(20):  # neither is offline who had no time yet, nor is it over for who was gone before
-                assert await rig.turn() == []
-            (edge,) = await rig.turn(20.0)
+                assert await rig.run_cycle() == []
+            (edge,) = await rig.run_cycle(20.0)
             assert (edge.change, edge.finding.robot) == ("opened", "r1")
 
 
-async def test_declared_losses_are_told_by_the_name_of_their_stream(tmp_path: Path) -> None:
+async def test_declared_losses_are_reported_by_the_name_of_their_stream(tmp_path: Path) -> None:
     async with store_in(tmp_path) as store, watching(store, tmp_path) as rig:
         lost = Gap(from_seq=1, to_seq=9, reason="quota", from_ns=0, to_ns=1)
         rig.commit(StreamWrite(robot="r1", stream_id=3, epoch=7, seq=9, gap=lost))
-        (edge,) = [edge for edge in await rig.turn() if edge.finding.cause == "sequence"]
+        (edge,) = [edge for edge in await rig.run_cycle() if edge.finding.cause == "sequence"]
         assert edge.finding.series == "stream 3"
 
 
-async def test_many_findings_are_told_a_few_at_a_time(tmp_path: Path) -> None:
+async def test_many_findings_are_reported_a_few_at_a_time(tmp_path: Path) -> None:
     async with store_in(tmp_path) as store, watching(store, tmp_path) as rig:
-        turns = 0
+        evaluation = 0
 
         async def others() -> None:
-            nonlocal turns
+            nonlocal evaluation
             while True:
-                turns += 1
+                evaluation += 1
                 await asyncio.sleep(0)
 
         other = asyncio.create_task(others())
-        await rig.watch.tell_all([Edge("opened", finding(robot=f"r{n}"), START_S) for n in range(3_000)])
+        await rig.watch.report_all([Edge("opened", finding(robot=f"r{n}"), START_S) for n in range(3_000)])
         other.cancel()
         assert len(rig.edges) == 3_000
         assert rig.longest <= 64
-        assert turns > 90
+        assert evaluation > 90
 
 
 async def test_this_is_normal_teaches_what_has_a_value(tmp_path: Path) -> None:
     async with store_in(tmp_path) as store, watching(store, tmp_path) as rig:
         rig.commit(write(1, 60))
-        await rig.turn()
+        await rig.run_cycle()
         found = alert(finding(), finding(kind="step"), finding(kind="vibration"), finding(kind="motor_hot"))
         teaching = asyncio.create_task(rig.watch.normal(found))
         await asyncio.sleep(0)
-        await rig.turn()
+        await rig.run_cycle()
         assert await teaching == [
             "a.x: 7 counts as normal",
             "a.x: that it shakes so much counts as normal",
@@ -215,10 +215,10 @@ async def test_checks_are_set_stored_and_set_back(tmp_path: Path) -> None:
             assert hot.rows is not None
             hot.rows.values[:] = 70.0
             rig.commit(hot)
-            assert [edge.finding.kind for edge in await rig.turn()] == ["motor_hot"]
+            assert [edge.finding.kind for edge in await rig.run_cycle()] == ["motor_hot"]
             row = await rig.watch.reset_check("motor_hot", by="bob")
             assert row.changed == ()
-            assert [edge.change for edge in await rig.turn()] == ["cleared"]
+            assert [edge.change for edge in await rig.run_cycle()] == ["cleared"]
 
 
 async def test_a_watch_that_is_off_keeps_nothing_and_shows_the_table(tmp_path: Path) -> None:
@@ -245,8 +245,8 @@ async def test_odd_values_jumping_clocks_and_years_of_nothing_are_no_storm(tmp_p
             if odd is not None:
                 made.rows.values[::3] = odd
             rig.commit(made)
-            rig.watch.facts.heard("r1")
-            opened += [edge for edge in await rig.turn() if edge.change == "opened"]
+            rig.watch.facts.heartbeat("r1")
+            opened += [edge for edge in await rig.run_cycle() if edge.change == "opened"]
             first += 200
         assert opened == []
         assert rig.watch.describe()["rows"] == first - 1

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.watch.keeper import Keeper
+from gateway.alerting.watch.watch_files import WatchFiles
 
 
-def keeper(folder: Path, log_bytes: int = 10_000) -> Keeper:
-    made = Keeper(folder, log_bytes=log_bytes)
+def files(folder: Path, log_bytes: int = 10_000) -> WatchFiles:
+    made = WatchFiles(folder, log_bytes=log_bytes)
     made.begin()
     return made
 
@@ -18,58 +18,58 @@ def names(folder: Path) -> list[str]:
 
 
 def test_a_first_run_finds_nothing(tmp_path: Path) -> None:
-    kept = keeper(tmp_path / "watch").load()
+    kept = files(tmp_path / "watch").load()
     assert kept.snapshot is None
     assert list(kept.records()) == []
 
 
 def test_runs_without_a_snapshot_are_gone_through_from_the_first(tmp_path: Path) -> None:
     for run in range(3):
-        made = keeper(tmp_path)
+        made = files(tmp_path)
         made.append(1, b"run %d" % run)
         made.close()
-    kept = keeper(tmp_path).load()
+    kept = files(tmp_path).load()
     assert kept.snapshot is None
     assert list(kept.records()) == [(1, b"run 0"), (1, b"run 1"), (1, b"run 2")]
 
 
 def test_a_snapshot_takes_the_place_of_what_was_before_it(tmp_path: Path) -> None:
-    made = keeper(tmp_path)
+    made = files(tmp_path)
     made.append(1, b"before")
-    number = made.turn_over([(1, b"carried")])
+    number = made.rotate([(1, b"carried")])
     made.append(2, b"after")
     assert made.save(number, b"state")
     assert names(tmp_path) == ["log-00000002", "snapshot-00000002"]
     made.close()
-    kept = keeper(tmp_path).load()
+    kept = files(tmp_path).load()
     assert kept.snapshot == b"state"
     assert list(kept.records()) == [(1, b"carried"), (2, b"after")]
 
 
 def test_a_kill_before_the_snapshot_is_there_leaves_what_was_before(tmp_path: Path) -> None:
-    made = keeper(tmp_path)
-    made.save(made.turn_over([]), b"first")
+    made = files(tmp_path)
+    made.save(made.rotate([]), b"first")
     made.append(1, b"a")
-    made.turn_over([(1, b"carried")])  # and killed
+    made.rotate([(1, b"carried")])  # and killed
     (tmp_path / "snapshot-00000003.new").write_bytes(b"half")
-    kept = keeper(tmp_path).load()
+    kept = files(tmp_path).load()
     assert kept.snapshot == b"first"
     assert list(kept.records()) == [(1, b"a"), (1, b"carried")]
 
 
 def test_a_damaged_snapshot_lets_the_watch_begin_anew(tmp_path: Path) -> None:
-    made = keeper(tmp_path)
-    made.save(made.turn_over([]), b"state")
+    made = files(tmp_path)
+    made.save(made.rotate([]), b"state")
     path = tmp_path / "snapshot-00000002"
     for damage in (b"", path.read_bytes()[:-1], path.read_bytes()[:-1] + b"X", b"\0" * 100):
         path.write_bytes(damage)
-        kept = keeper(tmp_path).load()
+        kept = files(tmp_path).load()
         assert kept.snapshot is None
         assert list(kept.records()) == []
 
 
 def test_a_full_log_asks_for_a_snapshot_and_stops_at_twice_its_size(tmp_path: Path) -> None:
-    made = keeper(tmp_path, log_bytes=1000)
+    made = files(tmp_path, log_bytes=1000)
     while not made.full:
         made.append(1, b"x" * 100)
     assert made.whole
@@ -77,18 +77,18 @@ def test_a_full_log_asks_for_a_snapshot_and_stops_at_twice_its_size(tmp_path: Pa
         made.append(1, b"x" * 100)
     assert not made.whole
     assert made.size_bytes < 2200
-    assert made.turn_over([])
+    assert made.rotate([])
     assert made.whole
     assert not made.full
 
 
 def test_a_disk_that_takes_nothing_is_no_error(tmp_path: Path) -> None:
-    made = keeper(tmp_path / "watch")
+    made = files(tmp_path / "watch")
     for path in (tmp_path / "watch").iterdir():
         path.unlink()
     (tmp_path / "watch").rmdir()
     (tmp_path / "watch").write_bytes(b"")
-    assert made.turn_over([(1, b"x")]) == 0
+    assert made.rotate([(1, b"x")]) == 0
     assert not made.whole
     assert not made.save(2, b"state")
     made.append(1, b"y")
@@ -96,23 +96,23 @@ def test_a_disk_that_takes_nothing_is_no_error(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_used_leaves_nothing_to_know(tmp_path: Path) -> None:
     (tmp_path / "watch").write_text("no folder")
-    kept = Keeper(tmp_path / "watch").load()
+    kept = WatchFiles(tmp_path / "watch").load()
     assert (kept.snapshot, kept.logs) == (None, ())
 
 
 def test_what_is_no_readable_snapshot_is_left_out(tmp_path: Path) -> None:
-    made = keeper(tmp_path)
+    made = files(tmp_path)
     made.append(1, b"all")
     made.close()
     (tmp_path / "snapshot-00000001").mkdir()
-    kept = keeper(tmp_path).load()
+    kept = files(tmp_path).load()
     assert kept.snapshot is None
     assert list(kept.records()) == [(1, b"all")]
 
 
 def test_snapshots_are_private_and_torn_ones_are_removed(tmp_path: Path) -> None:
     (tmp_path / "snapshot-00000007.new").write_bytes(b"torn")
-    made = keeper(tmp_path)
+    made = files(tmp_path)
     assert names(tmp_path) == ["log-00000001"]
-    assert made.save(made.turn_over([]), b"state")
+    assert made.save(made.rotate([]), b"state")
     assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o600}

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.lambda_gateway import LambdaGateway, lambda_gateway
+from tests.support.gateways.lambda_gateway import LambdaGateway, lambda_gateway
 
 
 @pytest.fixture(scope="module")

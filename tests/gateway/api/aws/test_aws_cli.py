@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from tests.support.aws_cli import aws_command
-from tests.support.lambda_gateway import ROLE, LambdaGateway, zipped
-from tests.support.processes import started
+from tests.support.gateways.aws_cli import aws_command
+from tests.support.gateways.lambda_gateway import ROLE, LambdaGateway, zipped
+from tests.support.processes.processes import started
 
 pytestmark = pytest.mark.integration
 
@@ -60,14 +60,14 @@ def run(served: LambdaGateway, tmp_path_factory: pytest.TempPathFactory) -> Iter
     with started(argv, env=environment, cwd=folder, stdin=subprocess.PIPE) as process:
 
         def ran(*words: str, fails: bool = False, shell: bool = False) -> Any:
-            code, out, err = by_itself(["lambda", *words]) if shell else told(process, ["lambda", *words])
+            code, out, err = by_itself(["lambda", *words]) if shell else reported(process, ["lambda", *words])
             assert bool(code) is fails, err
             return err if fails else json.loads(out or "null")
 
         yield ran
 
 
-def told(process: subprocess.Popen[str], words: list[str]) -> list[Any]:
+def reported(process: subprocess.Popen[str], words: list[str]) -> list[Any]:
     """Exit code, output and complaints of a command that the process was told to do."""
     assert process.stdin is not None
     assert process.stdout is not None

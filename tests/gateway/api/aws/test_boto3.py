@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.lambda_gateway import ROLE, LambdaGateway, zipped
+from tests.support.gateways.lambda_gateway import ROLE, LambdaGateway, zipped
 
 SOURCE = """
 import os
@@ -50,7 +50,7 @@ def test_a_function_is_made_called_listed_and_deleted(aws: Any) -> None:
         aws.get_function(FunctionName="first")
 
 
-def test_a_failure_is_told_in_the_answer(aws: Any) -> None:
+def test_a_failure_is_reported_in_the_answer(aws: Any) -> None:
     make(aws, "failing")
     answer = call(aws, "failing", {"fail": "no way"})
     assert (answer["StatusCode"], answer["FunctionError"]) == (200, "Unhandled")

@@ -15,9 +15,9 @@ import pytest
 from botocore import xform_name
 from botocore.exceptions import ClientError
 
-from gateway.functions.catalogue_table import OPERATIONS, REFUSED
+from gateway.automation.functions.catalogue.operations import OPERATIONS, REFUSED
 from tests.gateway.api.aws.test_boto3 import call, make
-from tests.support.lambda_gateway import HANDLER, ROLE, LambdaGateway, zipped
+from tests.support.gateways.lambda_gateway import HANDLER, ROLE, LambdaGateway, zipped
 
 SOURCE_ARN = "arn:aws:metaros:::topic/rover-*/battery_state"
 

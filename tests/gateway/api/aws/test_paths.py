@@ -6,8 +6,8 @@ from typing import Any
 from urllib.parse import quote
 
 from gateway.api.aws.paths import find_operation
-from gateway.api.aws.place import is_lambda
-from gateway.functions.catalogue_shapes import model
+from gateway.api.aws.prefix import is_lambda
+from gateway.automation.functions.catalogue.shapes import model
 
 ARN = "arn:aws:lambda:local:000000000000:function:name:1"
 

@@ -16,9 +16,9 @@ from botocore.config import Config
 from botocore.credentials import Credentials
 from botocore.exceptions import ClientError
 
-from gateway.identity.local import LOCAL_KEY_FILE
-from tests.support.lambda_gateway import LambdaGateway
-from tests.support.plain_http import TRUSTS_NOBODY
+from gateway.identity.local_key import LOCAL_KEY_FILE
+from tests.support.gateways.lambda_gateway import LambdaGateway
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
 from tests.support.waiting import wait_until
 
 FUNCTIONS = "/lambda/2015-03-31/functions"
@@ -157,8 +157,8 @@ def test_changes_and_refusals_are_in_the_audit_log(served: LambdaGateway) -> Non
     local = (served.folder / LOCAL_KEY_FILE).read_text().strip()
     with asking(served, Authorization=f"Bearer {local}") as web:
         rows = web.get("/api/v1/audit?limit=50").json()
-    told = json.dumps(rows)
-    assert "signature_wrong" in told
-    assert f'"{key[0]}"' in told
-    assert "functions.write" in told
-    assert key[1] not in told
+    reported = json.dumps(rows)
+    assert "signature_wrong" in reported
+    assert f'"{key[0]}"' in reported
+    assert "functions.write" in reported
+    assert key[1] not in reported

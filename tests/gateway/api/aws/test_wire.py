@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gateway.api.aws.wire import read_members, split_zip
-from gateway.functions.errors import FunctionInvalidError, PayloadInvalidError
+from gateway.automation.functions.errors import FunctionInvalidError, PayloadInvalidError
 from tests.support.tables import refusal
 
 

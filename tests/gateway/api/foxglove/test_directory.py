@@ -43,7 +43,7 @@ def test_one_channel_a_topic_and_no_more_than_there_may_be() -> None:
     assert changes.left_out == 1
 
 
-def test_a_change_of_one_robot_is_told_without_the_others() -> None:
+def test_a_change_of_one_robot_is_reported_without_the_others() -> None:
     directory = Directory(3)
     others = [(f"/r2/{name}", replace(made(f"/{name}"), robot="r2")) for name in "abcd"]
     assert directory.update_channels([("/r1/a", made("/a")), *others]).left_out == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from gateway.api.foxglove.encoding import MessageData
-from gateway.api.ws.outlet import BINARY, split_frames
+from gateway.api.ws.writer import BINARY, split_frames
 from gateway.domain.channel import Channel
 from gateway.domain.records import Record
 from gateway.live.encoding import Block

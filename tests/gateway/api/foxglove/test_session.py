@@ -54,7 +54,7 @@ async def test_both_subprotocols_are_spoken_and_the_newer_preferred(tmp_path: Pa
         assert (await viewer.hear("serverInfo"))["name"] == "Meta-ROS fleet"
 
 
-async def test_who_speaks_something_else_is_told_what_is_spoken(tmp_path: Path) -> None:
+async def test_who_speaks_something_else_is_reported_what_is_spoken(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
         for offered in (None, ["chat.v1"]):
             with pytest.raises(InvalidStatus) as refused:
@@ -108,8 +108,8 @@ async def test_what_a_client_publishes_reaches_the_robot(tmp_path: Path) -> None
         await viewer.socket.send(struct.pack("<BI", 1, 1) + b'{"data": "by json"}')
         await viewer.socket.send(struct.pack("<BI", 1, 2) + text("by cdr"))
         await wait_until_async(lambda: len(robot.published) == 2)
-        told = [("/sim_1/orders", STRING, text("by json")), ("/sim_1/orders", STRING, text("by cdr"))]
-        assert robot.published == told
+        reported = [("/sim_1/orders", STRING, text("by json")), ("/sim_1/orders", STRING, text("by cdr"))]
+        assert robot.published == reported
         await viewer.say("unadvertise", channelIds=[1, 2])
         await viewer.socket.send(struct.pack("<BI", 1, 1) + b"{}")
         assert (await viewer.hear("status"))["message"] == "Unknown channel ID: 1"
@@ -150,7 +150,7 @@ async def test_a_long_message_is_not_overtaken_by_short_ones(tmp_path: Path) -> 
         assert [payload for _, _, payload in robot.published] == [text(data) for data in said]
 
 
-async def test_who_publishes_too_fast_is_told_so_before_the_socket_ends(tmp_path: Path) -> None:
+async def test_who_publishes_too_fast_is_reported_so_before_the_socket_ends(tmp_path: Path) -> None:
     orders = {"id": 1, "topic": "/sim_1/orders", "encoding": "json", "schemaName": STRING}
     async with (
         running_gateway(tmp_path, robot_requests_per_s=0.2) as ready,  # one at once: to advertise takes it
@@ -266,7 +266,7 @@ async def hear_news(viewer: Viewer, robot: Answering) -> dict[str, object]:
             return said
 
 
-async def test_the_graph_is_told_whole_and_then_as_it_changes(tmp_path: Path) -> None:
+async def test_the_graph_is_reported_whole_and_then_as_it_changes(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, Answering.of(ready) as robot, viewing(ready, "/sim_1") as viewer:
         while not viewer.services:
             await viewer.next()
@@ -295,7 +295,7 @@ async def test_files_come_from_the_assets_directory_alone(tmp_path: Path) -> Non
         assert struct.unpack_from("<IB", answer) == (4, 1)
 
 
-async def test_what_cannot_be_read_is_told_and_the_connection_stays(tmp_path: Path) -> None:
+async def test_what_cannot_be_read_is_reported_and_the_connection_stays(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, viewing(ready) as viewer:
         for wrong in ("no json", '{"op": "dance"}', b"\xff", b"", struct.pack("<BI", 1, 5)):
             await viewer.socket.send(wrong)

@@ -27,7 +27,7 @@ def test_a_parameter_without_a_value_has_none() -> None:
     assert "id" not in json.loads(texts.parameter_values([]))
 
 
-def test_a_graph_is_told_whole_and_then_as_changes() -> None:
+def test_a_graph_is_reported_whole_and_then_as_changes() -> None:
     one = GraphView({"/a": ["n1"], "/b": ["n1"]}, {"/a": ["n2"]}, {"/s": ["n1"]})
     first = json.loads(texts.graph_update(None, one) or "")
     assert first == {
@@ -52,7 +52,7 @@ def test_a_graph_is_told_whole_and_then_as_changes() -> None:
     assert gone["publishedTopics"] == gone["subscribedTopics"] == []
 
 
-def test_an_empty_graph_is_told_the_first_time() -> None:
+def test_an_empty_graph_is_reported_the_first_time() -> None:
     said = json.loads(texts.graph_update(None, GraphView({}, {}, {})) or "")
     assert said["op"] == "connectionGraphUpdate"
     assert len(said) == 6

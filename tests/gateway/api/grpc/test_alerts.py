@@ -17,12 +17,12 @@ from gateway.api.grpc.errors import CODE_KEY
 from gateway.domain.principal import Role
 from metaros._proto import alerts_pb2, alerts_pb2_grpc
 from tests.gateway.harness import RING, ScriptedAgent, client
-from tests.support.alerting_gateway import Alerting, alerting_gateway
-from tests.support.key_ring import bearer
+from tests.support.gateways.alerting_gateway import Alerting, alerting_gateway
+from tests.support.gateways.memory_authenticator import bearer
 
 OPERATOR = RING.add(role=Role.OPERATOR, name="ada")
 ADMIN = RING.add(role=Role.ADMIN, name="chief")
-ELSEWHERE = RING.add(role=Role.ADMIN, robots=("other_*",), name="stranger")
+REMOTE = RING.add(role=Role.ADMIN, robots=("other_*",), name="stranger")
 UNKNOWN = "01KB2Y4P5ZQ7W3M8T6X9R0N1VD"
 
 
@@ -70,7 +70,7 @@ async def test_alerts_are_listed_counted_and_shown(tmp_path: Path) -> None:
     async with fleet(tmp_path) as (some, channel):
         hot = await some.open("sim_1")
         silent = await some.open("sim_2", cause="silence", severity="warning", value=math.nan, high=math.nan)
-        stub, stranger = Stub(channel), Stub(channel, ELSEWHERE)
+        stub, stranger = Stub(channel), Stub(channel, REMOTE)
         page = await stub.ask("ListAlerts", listed())
         assert [item.id for item in page.alerts] == [silent.id, hot.id]
         first = page.alerts[1]
@@ -131,8 +131,10 @@ async def test_what_people_do_with_an_alert(tmp_path: Path) -> None:
         assert await viewer.refused("ResolveAlert", alerts_pb2.AlertActionRequest(alert=alert)) == "forbidden"
         async with client(some.ready, key=ADMIN) as http:
             rows = (await http.get("/api/v1/audit")).json()["rows"]
-        told = [(row["name"], row["code"]) for row in rows if row["action"] == "alerts.handle" and row["name"] == "ada"]
-        assert ("ada", "alert_state") in told
+        reported = [
+            (row["name"], row["code"]) for row in rows if row["action"] == "alerts.handle" and row["name"] == "ada"
+        ]
+        assert ("ada", "alert_state") in reported
         details = [row["detail"] for row in rows if row["name"] == "ada"]
         assert f"{alert} sim_1 heat to bob" in details
 
@@ -150,7 +152,7 @@ async def test_silences(tmp_path: Path) -> None:
         assert whole.until_ns - whole.from_ns == pytest.approx(3600e9, abs=1e9)
         found = await stub.ask("ListSilences", alerts_pb2.ListSilencesRequest())
         assert [item.id for item in found.silences] == [one.id, whole.id]
-        seen = await Stub(channel, ELSEWHERE).ask("ListSilences", alerts_pb2.ListSilencesRequest())
+        seen = await Stub(channel, REMOTE).ask("ListSilences", alerts_pb2.ListSilencesRequest())
         assert list(seen.silences) == []
         assert await stub.refused("EndSilence", alerts_pb2.EndSilenceRequest(silence=whole.id)) == "forbidden"
         await stub.ask("EndSilence", alerts_pb2.EndSilenceRequest(silence=one.id))
@@ -175,7 +177,7 @@ async def test_checks_routes_and_what_is_learned(tmp_path: Path) -> None:
         assert (back.high, list(back.changed)) == (80.0, [])
         one = alerts_pb2.SetCheckRequest(check="motor_hot", high=70)
         assert await stub.refused("SetCheck", one) == "forbidden"
-        assert await Stub(channel, ELSEWHERE).refused("SetCheck", one) == "forbidden"
+        assert await Stub(channel, REMOTE).refused("SetCheck", one) == "forbidden"
         nothing = alerts_pb2.SetCheckRequest(check="motor_hot")
         assert await admin.refused("SetCheck", nothing) == "invalid_request"
         assert await admin.refused("SetCheck", alerts_pb2.SetCheckRequest(check="no", high=1)) == "unknown_check"
@@ -209,9 +211,9 @@ async def test_a_backtest(tmp_path: Path) -> None:
 
 async def after(over: str, call: Any) -> Any:
     """The next reply; of an alert that was over before the watch began its journal may tell late."""
-    while (told := await call.read()).alert.id == over:
+    while (reported := await call.read()).alert.id == over:
         pass
-    return told
+    return reported
 
 
 async def test_watching_begins_with_what_is_and_goes_on_with_each_change(tmp_path: Path) -> None:
@@ -220,26 +222,26 @@ async def test_watching_begins_with_what_is_and_goes_on_with_each_change(tmp_pat
         over = (await some.open("sim_2")).id
         stub = Stub(channel)
         await stub.act("ResolveAlert", over)
-        every, few, blind = stub.watch(), stub.watch(robots=["sim_2"]), Stub(channel, ELSEWHERE).watch()
+        every, few, blind = stub.watch(), stub.watch(robots=["sim_2"]), Stub(channel, REMOTE).watch()
         is_ = await every.read()
         assert (is_.change, is_.alert.id) == ("is", hot)
         for call in (every, few, blind):
             assert (await call.read()).change == "began"
         unseen = asyncio.ensure_future(blind.read())
         await stub.act("AcknowledgeAlert", hot)
-        told = await after(over, every)
-        assert (told.change, told.alert.id, told.alert.state) == ("acknowledged", hot, "acknowledged")
+        reported = await after(over, every)
+        assert (reported.change, reported.alert.id, reported.alert.state) == ("acknowledged", hot, "acknowledged")
         other = (await some.open("sim_2", cause="battery")).id
         for call in (every, few):
-            told = await after(over, call)
-            assert (told.change, told.alert.id) == ("opened", other)
+            reported = await after(over, call)
+            assert (reported.change, reported.alert.id) == ("opened", other)
         assert not unseen.done()
         for call in (every, few, blind):
             call.cancel()
         await asyncio.gather(unseen, return_exceptions=True)
 
 
-async def test_watching_tells_no_change_that_what_is_told_already(
+async def test_watching_tells_no_change_that_what_is_reported_already(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with fleet(tmp_path) as (some, channel):

@@ -11,18 +11,18 @@ from typing import Any
 import grpc
 import pytest
 
-from gateway.announce import ready_line, write_status
-from gateway.api.grpc.authenticate import Gate
+from gateway.api.grpc.authenticate import CallAuthorizer
 from gateway.domain.principal import Role
 from gateway.errors import StoreError
 from gateway.main import Ready
+from gateway.server.announce import ready_line, write_status
 from gateway.settings import Settings
 from metaros._proto import fleet_pb2, fleet_pb2_grpc
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.harness import RING, ScriptedAgent, client, running_gateway
-from tests.support.certificates import make_certificate
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
+from tests.support.servers.certificates import make_certificate
 
 VIEWER = RING.add(role=Role.VIEWER)
 LIST = "/metaros.v1.FleetService/ListRobots"
@@ -71,7 +71,7 @@ async def test_over_tls_a_key_is_enough_and_a_certificate_is_not_asked_for(tmp_p
             assert (await refusal(channel, LIST, b"", VIEWER))[0] is grpc.StatusCode.UNAVAILABLE, "nothing goes plain"
 
 
-async def test_a_certificate_made_elsewhere_is_shown_where_it_holds_the_name(tmp_path: Path) -> None:
+async def test_a_certificate_made_remote_is_shown_where_it_holds_the_name(tmp_path: Path) -> None:
     cert = make_certificate(tmp_path)  # for localhost
     names = {"tls_cert": cert, "tls_key": cert.with_suffix(".key"), "allow_hosts": ("fleet.example",)}
     async with running_gateway(tmp_path, **names) as ready:
@@ -164,7 +164,7 @@ async def test_a_robot_that_is_driven_stops_with_the_stream(tmp_path: Path, atte
 
 
 async def test_what_is_done_is_answered_though_the_audit_log_cannot_take_it(caplog: pytest.LogCaptureFixture) -> None:
-    told: list[tuple[str, int]] = []
+    reported: list[tuple[str, int]] = []
     method = "/metaros.v1.FleetService/SendCommand"
     key = RING.add(role=Role.OPERATOR)
 
@@ -173,17 +173,15 @@ async def test_what_is_done_is_answered_though_the_audit_log_cannot_take_it(capl
 
     services: Any = SimpleNamespace(
         clock=ManualClock(),
-        door=RING,
+        authenticator=RING,
         audit=SimpleNamespace(check_room=lambda: None, record=record),
         rates=SimpleNamespace(check=lambda *_: None, take=lambda *_: None),
-        operations=SimpleNamespace(
-            meters=SimpleNamespace(rpc=lambda name, status, seconds: told.append((name, status)))
-        ),
+        meters=SimpleNamespace(rpc=lambda name, status, seconds: reported.append((name, status))),
     )
     context: Any = SimpleNamespace(peer=lambda: "ipv4:127.0.0.1:5", invocation_metadata=lambda: known_by(key))
-    async with Gate(lambda: services).call(method, context) as call:
+    async with CallAuthorizer(lambda: services).call(method, context) as call:
         call.require("r1")
-    assert told == [(method, 200)]
+    assert reported == [(method, 200)]
     assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
         ("WARNING", f"the audit log has no row of {method}: it is away")
     ]

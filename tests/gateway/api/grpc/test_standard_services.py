@@ -18,7 +18,7 @@ from grpc_reflection.v1alpha import reflection_pb2
 from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
 from grpc_status import rpc_status
 
-from gateway.api.allow import RPCS
+from gateway.api.authorization import RPC_PERMISSIONS
 from gateway.api.grpc import reflection
 from gateway.api.grpc.errors import details
 from gateway.api.grpc.serving import served
@@ -27,15 +27,15 @@ from gateway.errors import LeaseTakenError, RequestTimeoutError, TooManyRequests
 from metaros._proto import fleet_pb2, fleet_pb2_grpc
 from metaros.limits import LIMITS
 from tests.gateway.harness import RING, ScriptedAgent, running_gateway
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
 
 KEY = RING.add(role=Role.OPERATOR)
 METADATA = tuple((name.lower(), value) for name, value in bearer(KEY).items())
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 STATUS = health_pb2.HealthCheckResponse.ServingStatus
 
 
-async def test_health_is_told_to_anybody(tmp_path: Path) -> None:
+async def test_health_is_reported_to_anybody(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, anonymous=False) as ready:
         async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}") as channel:
             stub = health_pb2_grpc.HealthStub(channel)
@@ -140,7 +140,7 @@ def test_when_to_come_back_and_who_holds_the_lease() -> None:
 
 def test_every_method_is_in_the_reference() -> None:
     page = (ROOT / "docs/reference/grpc.md").read_text()
-    for path in RPCS:
+    for path in RPC_PERMISSIONS:
         if not path.startswith("/metaros.v1.Link/"):
             service, _, method = path[1:].partition("/")
             assert f"`{method}`" in page, path

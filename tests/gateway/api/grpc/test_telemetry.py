@@ -19,12 +19,12 @@ from metaros._proto import events_pb2, events_pb2_grpc, link_pb2, telemetry_pb2,
 from metaros.cdr import codec
 from metaros.idl.json import from_json
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, channel, client, running_gateway
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
 from tests.support.waiting import wait_until_async
 
 OPERATOR = RING.add(role=Role.OPERATOR)
 ADMIN = RING.add(role=Role.ADMIN)
-ELSEWHERE = RING.add(role=Role.VIEWER, robots=("other_*",))
+REMOTE = RING.add(role=Role.VIEWER, robots=("other_*",))
 STRING = "std_msgs/msg/String"
 PERCENT = link_pb2.Series(series_id=1, name="battery.percentage", topic="/sim_1/battery", field="percentage")
 
@@ -76,7 +76,7 @@ async def test_subscribe_introduces_each_channel_and_sends_what_is_wanted(tmp_pa
         shapes = {"cdr": telemetry_pb2.ENCODING_CDR, "json": telemetry_pb2.ENCODING_JSON}
         calls = {name: subscribe(topics=["chat*"], encoding=shape) for name, shape in shapes.items()}
         calls["values"] = subscribe(series=["battery.*"])
-        calls["elsewhere"] = subscribe(ELSEWHERE, topics=["**"], series=["**"])
+        calls["elsewhere"] = subscribe(REMOTE, topics=["**"], series=["**"])
         read = {name: asyncio.ensure_future(call.read()) for name, call in calls.items()}
         seq = 1
         while not all(one.done() for one in read.values()):  # a call counts once it has reached the gateway
@@ -88,27 +88,27 @@ async def test_subscribe_introduces_each_channel_and_sends_what_is_wanted(tmp_pa
             await asyncio.sleep(0.02)
         await other.samples(1, seq, [text(seq)], stamp_ns=seq)
         for name in shapes:
-            told, reply = read[name].result().info, await calls[name].read()
-            assert (told.robot, told.topic, told.type_name) == ("sim_1", "/sim_1/chatter", STRING), name
-            assert b"string data" in told.schema
-            assert reply.channel == told.channel
+            reported, reply = read[name].result().info, await calls[name].read()
+            assert (reported.robot, reported.topic, reported.type_name) == ("sim_1", "/sim_1/chatter", STRING), name
+            assert b"string data" in reported.schema
+            assert reply.channel == reported.channel
             sample = reply.samples[0]
             shown = {"cdr": sample.cdr, "json": sample.json}[name]
             assert shown in (text(sample.seq), json.dumps({"data": f"message {sample.seq}"}, separators=(",", ":")))
         (values,) = read["values"].result().values
         assert (values.robot, dict(values.values)) == ("sim_1", {"battery.percentage": 0.5})
-        heard = [read["elsewhere"].result()]
-        while seq not in (sample.seq for sample in heard[-1].samples):
-            heard.append(await calls["elsewhere"].read())
-        introduced = [reply.info.robot for reply in heard if reply.HasField("info")]
+        received = [read["elsewhere"].result()]
+        while seq not in (sample.seq for sample in received[-1].samples):
+            received.append(await calls["elsewhere"].read())
+        introduced = [reply.info.robot for reply in received if reply.HasField("info")]
         assert introduced == ["other_1"], "sim_1 is out of that key's scope"
-        assert not any(reply.values for reply in heard)
+        assert not any(reply.values for reply in received)
         with pytest.raises(grpc.aio.AioRpcError) as caught:
             await subscribe(topics=["*"], max_rate_hz=-1).read()
         assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
 
 
-async def test_a_subscriber_that_is_slow_loses_the_oldest_and_is_told(tmp_path: Path) -> None:
+async def test_a_subscriber_that_is_slow_loses_the_oldest_and_is_reported(tmp_path: Path) -> None:
     settings = {"viewer_stall_s": 60.0}
     async with running_gateway(tmp_path, **settings) as ready, ScriptedAgent(ready) as agent, telemetry(ready) as stub:
         await agent.announce(channel(1, "/sim_1/chatter", STRING))
@@ -151,8 +151,8 @@ async def test_query_pages_through_a_range_and_says_where_it_ended(tmp_path: Pat
         samples = [sample for reply in replies for sample in reply.samples]
         assert [sample.seq for sample in samples] == list(range(1, 1501))
         assert [sample.cdr for sample in samples] == [text(number) for number in range(1500)]
-        (told,) = [info for reply in replies for info in reply.channels]
-        assert (told.topic, told.type_name, samples[-1].channel) == ("/sim_1/chatter", STRING, told.channel)
+        (reported,) = [info for reply in replies for info in reply.channels]
+        assert (reported.topic, reported.type_name, samples[-1].channel) == ("/sim_1/chatter", STRING, reported.channel)
         assert replies[-1].cursor == ""
         assert len(replies) == 2
 
@@ -166,7 +166,7 @@ async def test_query_pages_through_a_range_and_says_where_it_ended(tmp_path: Pat
         assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
         request = telemetry_pb2.QueryRequest(robot="sim_1")
         with pytest.raises(grpc.aio.AioRpcError) as caught:
-            await stub.Query(request, metadata=known_by(ELSEWHERE), timeout=60).read()
+            await stub.Query(request, metadata=known_by(REMOTE), timeout=60).read()
         assert caught.value.code() is grpc.StatusCode.NOT_FOUND
 
 
@@ -192,7 +192,7 @@ async def test_a_stream_whose_reader_reads_nothing_is_ended(tmp_path: Path, capl
             assert dict(await call.trailing_metadata())["metaros-code"] == "stalled"
 
 
-async def test_streams_are_told_that_the_gateway_ends(tmp_path: Path, attentive: None) -> None:
+async def test_streams_are_reported_that_the_gateway_ends(tmp_path: Path, attentive: None) -> None:
     async with AsyncExitStack() as stack:
         ready = await stack.enter_async_context(running_gateway(tmp_path, drain_s=20.0))
         opened = grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}")
@@ -241,8 +241,8 @@ async def test_a_goal_from_its_start_to_its_result(tmp_path: Path) -> None:
         await agent.send(
             CONTROL, goals=link_pb2.GoalEvents(events=[link_pb2.GoalEvent(goal_id=goal, status=2, feedback=feedback)])
         )
-        told = await call.read()
-        assert (told.kind, json.loads(told.json)) == ("feedback", {"sequence": [0, 1]})
+        reported = await call.read()
+        assert (reported.kind, json.loads(reported.json)) == ("feedback", {"sequence": [0, 1]})
         watching = stub.WatchGoal(
             telemetry_pb2.WatchGoalRequest(robot="sim_1", goal=goal.hex()), metadata=known_by(OPERATOR), timeout=60
         )
@@ -272,7 +272,7 @@ async def test_events_are_read_and_followed(tmp_path: Path) -> None:
             stub = events_pb2_grpc.EventServiceStub(opened)
             asked = events_pb2.WatchEventsRequest(filter=events_pb2.EventFilter(kinds=["robot.*"]))
             watching = stub.WatchEvents(asked, metadata=known_by(OPERATOR), timeout=60)
-            blind = stub.WatchEvents(asked, metadata=known_by(ELSEWHERE), timeout=60)
+            blind = stub.WatchEvents(asked, metadata=known_by(REMOTE), timeout=60)
             start = (await watching.read()).next
             await blind.read()
             async with ScriptedAgent(ready):
@@ -281,7 +281,7 @@ async def test_events_are_read_and_followed(tmp_path: Path) -> None:
             again = events_pb2.ListEventsRequest(after=start, filter=asked.filter)
             page = await stub.ListEvents(again, metadata=known_by(OPERATOR), timeout=60)
             assert page.events[0] == event
-            nothing = await stub.ListEvents(again, metadata=known_by(ELSEWHERE), timeout=60)
+            nothing = await stub.ListEvents(again, metadata=known_by(REMOTE), timeout=60)
             assert (list(nothing.events), nothing.next >= event.cursor) == ([], True)
             with pytest.raises(grpc.aio.AioRpcError) as caught:
                 await stub.ListEvents(events_pb2.ListEventsRequest(limit=5000), metadata=known_by(OPERATOR), timeout=60)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.api.address import PROXIED_KEY, Proxies, client_address
-from gateway.api.authenticate import is_local
+from gateway.api.middleware.address import PROXIED_KEY, Proxies, client_address
+from gateway.api.middleware.authenticate import is_local
 from gateway.domain.networks import parse_networks
 
 TRUSTED = parse_networks(["10.0.0.0/8", "127.0.0.1", "fd00::/8"])

@@ -8,17 +8,17 @@ from typing import Any
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from gateway.api.authenticate import Authenticate, Credential, plain_protocol
+from gateway.api.middleware.authenticate import Authenticate, Credential, plain_protocol
 from gateway.domain.principal import Principal, Role
 from gateway.errors import StoreError
 from tests.gateway.harness import bearer, client, open_socket, running_gateway
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 KEY, TOKEN = "metaros.principal", "metaros.refusal"
 
 
 class Away(KeyRing):
-    """A door whose store is down."""
+    """An endpoint whose store is down."""
 
     async def by_key(self, text: str) -> Principal | None:
         """Nobody can say."""
@@ -48,7 +48,7 @@ async def test_nobody_on_this_machine_is_a_viewer() -> None:
         assert (got[KEY].kind, got[KEY].role) == ("anonymous", Role.VIEWER), address
 
 
-async def test_nobody_from_elsewhere_is_nobody() -> None:
+async def test_nobody_from_remote_is_nobody() -> None:
     for address in ("10.0.0.1", "::ffff:10.0.0.1", "203.0.113.5", "", "unix:"):
         assert (await seen(KeyRing(), LOCAL, client=(address, 1)))[KEY].role is Role.NONE, address
     assert (await seen(KeyRing(), LOCAL, client=None))[KEY].role is Role.NONE
@@ -83,7 +83,7 @@ def test_a_credential_never_shows_itself() -> None:
 
 
 async def test_while_the_store_cannot_say_nobody_is_let_in_and_nobody_is_called_a_liar(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=Away()) as ready, client(ready, key="") as http:
+    async with running_gateway(tmp_path, authenticator=Away()) as ready, client(ready, key="") as http:
         answer = await http.get("/api/v1/robots", headers=bearer("mrk_1_2"))
         assert (answer.status_code, answer.json()["code"]) == (503, "store_unavailable")
         assert (await http.get("/healthz", headers=bearer("mrk_1_2"))).status_code == 200

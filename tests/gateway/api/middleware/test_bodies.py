@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.api.bodies import Bodies, InFlight
+from gateway.api.middleware.bodies import Bodies, InFlight
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, OverloadedError, RequestTimeoutError, TooManyRequestsError
 from metaros.limits import LIMITS
@@ -95,7 +95,7 @@ def test_bodies_together_are_bounded_and_by_address() -> None:
     assert (held.total, held.by_address) == (41, {"b": 40, "c": 1})
 
 
-async def test_who_may_not_ask_is_told_so_without_their_body_being_read(tmp_path: Path) -> None:
+async def test_who_may_not_ask_is_reported_so_without_their_body_being_read(tmp_path: Path) -> None:
     taken = 0
 
     async def endless() -> Any:

@@ -1,4 +1,4 @@
-"""Turns of strangers: nobody waits while few come, and whoever floods waits behind their own requests."""
+"""FairQueue of strangers: nobody waits while few come, and whoever floods waits behind their own requests."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.api.turns import Turns
+from gateway.api.middleware.fair_queue import FairQueue
 from gateway.errors import TooManyRequestsError
 from metaros.clock import ManualClock
 
@@ -21,13 +21,13 @@ async def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
     return made
 
 
-def turns(free: int, *, per_s: float = PER_S, most_each: int = 8, most: int = 100) -> Turns:
+def fair_queue(free: int, *, per_s: float = PER_S, most_each: int = 8, most: int = 100) -> FairQueue:
     """`free` at once, then one after the other."""
     left = iter(range(free))
-    return Turns(lambda: next(left, None) is not None, per_s=per_s, most_each=most_each, most=most)
+    return FairQueue(lambda: next(left, None) is not None, per_s=per_s, most_each=most_each, most=most)
 
 
-async def arrive(line: Turns, address: str, order: list[str]) -> asyncio.Task[None]:
+async def arrive(line: FairQueue, address: str, order: list[str]) -> asyncio.Task[None]:
     """A request that has come, and waits."""
 
     async def one() -> None:
@@ -48,17 +48,17 @@ async def let_in(clock: ManualClock, count: int) -> None:
 
 
 async def test_few_do_not_wait_and_without_a_rate_nobody_does() -> None:
-    line, order = turns(2), []
+    line, order = fair_queue(2), []
     for address in ("a", "b"):
         assert (await arrive(line, address, order)).done()
     assert not (await arrive(line, "c", order)).done()
-    free = turns(0, per_s=0.0)
+    free = fair_queue(0, per_s=0.0)
     for _ in range(100):
         await free.wait("a")
 
 
 async def test_addresses_take_turns_whoever_came_first(clock: ManualClock) -> None:
-    line, order = turns(0), []
+    line, order = fair_queue(0), []
     for address in (*["flood"] * 5, "other", "honest"):
         await arrive(line, address, order)
     await let_in(clock, 3)
@@ -68,7 +68,7 @@ async def test_addresses_take_turns_whoever_came_first(clock: ManualClock) -> No
 
 
 async def test_who_goes_away_costs_nobody_a_turn_and_too_many_are_refused(clock: ManualClock) -> None:
-    line, order = turns(0, most_each=2, most=4), []
+    line, order = fair_queue(0, most_each=2, most=4), []
     gone = await arrive(line, "a", order)
     await arrive(line, "a", order)
     with pytest.raises(TooManyRequestsError) as refused:

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from fastapi import APIRouter
 
-from gateway.api.express import Express
-from gateway.api.rest import robots
+from gateway.api.middleware.fast_path import FastPath
+from gateway.api.rest.fleet import robots
 from gateway.domain.principal import Role
 from tests.gateway.harness import RING, ScriptedAgent, client, running_gateway
 
@@ -50,9 +50,9 @@ async def answers(folder: Path) -> list[tuple[Any, ...]]:
 
 
 async def test_both_ways_answer_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert [route.path for route in robots.EXPRESS] == [ROBOTS]
+    assert [route.path for route in robots.FAST_PATHS] == [ROBOTS]
     straight = await answers(tmp_path / "straight")
-    monkeypatch.setattr(robots, "EXPRESS", [])
+    monkeypatch.setattr(robots, "FAST_PATHS", [])
     assert straight == await answers(tmp_path / "whole")
     assert {row[2] for row in straight[:-1]} >= {200, 400, 401, 404}
     assert straight[-1]  # it counts as the route that it is
@@ -76,4 +76,4 @@ def test_a_route_without_its_one_permission_is_refused() -> None:
         """Nobody's."""
 
     with pytest.raises(ValueError, match="unpack"):
-        Express(lambda *_: None, routes=router.routes)  # type: ignore[arg-type]
+        FastPath(lambda *_: None, routes=router.routes)  # type: ignore[arg-type]

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from gateway.api.authenticate import Authenticate
-from gateway.api.rate import RATES, RateLimited, Rates
+from gateway.api.middleware.authenticate import Authenticate
+from gateway.api.middleware.rate import RATES, RateLimited, Rates
 from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, flood, hear, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 ADA = Principal(kind="user", id="u1", name="ada")
 
@@ -43,7 +43,7 @@ def limited(clock: ManualClock, **per_s: Any) -> RateLimited:
     return RateLimited(app, Rates(clock=clock, **per_s))
 
 
-async def test_each_is_counted_for_themselves_and_may_come_back_when_told() -> None:
+async def test_each_is_counted_for_themselves_and_may_come_back_when_reported() -> None:
     clock = ManualClock()
     app = limited(clock, anonymous=1.0, requests=2.0)
     statuses = [(await answer(app))[0] for _ in range(6)]

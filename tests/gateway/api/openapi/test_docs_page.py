@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from gateway.api.docs_page import render_docs
+from gateway.api.openapi.docs_page import render_docs
 from tests.gateway.harness import client, running_gateway
 
 
-async def test_every_operation_is_on_the_page_and_nothing_from_elsewhere(tmp_path: Path) -> None:
+async def test_every_operation_is_on_the_page_and_nothing_from_remote(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key="") as http:
         page = await http.get("/docs")
         assert (page.status_code, page.headers["content-type"]) == (200, "text/html; charset=utf-8")

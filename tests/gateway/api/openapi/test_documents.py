@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.api import ROUTERS, models, route_paths
-from gateway.api.allow import routes_of
+from gateway.api import ROUTERS, route_paths
+from gateway.api.authorization import routes_of
+from gateway.api.models import common
 from gateway.api.rest.times import parse_time
 from gateway.errors import ERRORS, InvalidRequestError
 from gateway.identity.permissions import PERMISSIONS
@@ -24,14 +25,14 @@ async def test_answers_fit_their_models(tmp_path: Path) -> None:
         await agent.settled({0: 2, 1: 1})
         base = "/api/v1/robots/sim_1"
         for path, model in [
-            ("/api/v1/robots", models.RobotList),
-            (base, models.Robot),
-            (f"{base}/topics", models.TopicList),
-            (f"{base}/metrics", models.SeriesList),
-            (f"{base}/metrics/range?name=battery.x&start=1970-01-01T00:00:00Z", models.MetricRange),
-            ("/healthz", models.Health),
-            ("/readyz", models.Ready),
-            ("/api/v1/robots/nobody", models.Problem),
+            ("/api/v1/robots", common.RobotList),
+            (base, common.Robot),
+            (f"{base}/topics", common.TopicList),
+            (f"{base}/metrics", common.SeriesList),
+            (f"{base}/metrics/range?name=battery.x&start=1970-01-01T00:00:00Z", common.MetricRange),
+            ("/healthz", common.Health),
+            ("/readyz", common.Ready),
+            ("/api/v1/robots/nobody", common.Problem),
         ]:
             model.model_validate_json((await http.get(path)).content)
         document = (await http.get("/api/v1/openapi.json")).json()

@@ -11,9 +11,9 @@ import pytest
 from fastapi import FastAPI
 
 from gateway.api import ROUTERS
-from gateway.api.example_words import OPERATIONS
-from gateway.api.examples import example_of
-from gateway.api.openapi import describe_permissions
+from gateway.api.openapi.example_words import OPERATIONS
+from gateway.api.openapi.examples import example_of
+from gateway.api.openapi.permissions import describe_permissions
 
 JSON = "application/json"
 

@@ -13,8 +13,8 @@ from metaros.idl.json import from_json
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.limits import LIMITS
-from tests.gateway.api.test_accounts import local_key
-from tests.gateway.api.test_commands import answered
+from tests.gateway.api.rest.accounts.test_auth import local_key
+from tests.gateway.api.rest.fleet.test_commands import answered
 from tests.gateway.harness import ScriptedAgent, client, running_gateway
 
 BASE = "/api/v1/robots/sim_1"

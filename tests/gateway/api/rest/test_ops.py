@@ -1,4 +1,4 @@
-"""What operators see over HTTP: metrics of every door, followed samples in one's scope, a report without secrets."""
+"""What operators see over HTTP: metrics of every endpoint, traced samples in scope, a report without secrets."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.gateway.harness import (
     running_gateway,
     say,
 )
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
 
 ADMIN = RING.add(role=Role.ADMIN)
 VIEWER = RING.add(role=Role.VIEWER)
@@ -71,7 +71,7 @@ def traced(seq: int, stamp_ns: int) -> link_pb2.Batch:
     return batch
 
 
-async def test_every_door_is_counted_by_its_template(tmp_path: Path) -> None:
+async def test_every_endpoint_is_counted_by_its_template(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN) as http, ScriptedAgent(ready):
         assert (await http.get("/api/v1/robots/sim_1")).status_code == 200
         assert (await http.get("/api/v1/robots/nobody")).status_code == 404
@@ -113,13 +113,13 @@ async def test_links_store_and_queues_are_counted(tmp_path: Path) -> None:
         assert found["metaros_ready",] == found["metaros_store_ok",] == found["metaros_objects_ok",] == 1
         assert found["metaros_queue_limit_bytes", "store"] == 256 << 20
         assert found["metaros_disk_free_bytes",] > 0
-        told = {name.removesuffix("_total").removesuffix("_bucket").removesuffix("_count") for name, *_ in found}
+        reported = {name.removesuffix("_total").removesuffix("_bucket").removesuffix("_count") for name, *_ in found}
         silent = {"metaros_link_rtt_seconds", "metaros_rpcs", "metaros_rpc_seconds", "metaros_sample_stage_seconds"}
         silent |= {"metaros_http_requests", "metaros_http_request_seconds"}  # this may be the first one
         silent |= {"metaros_sockets", "metaros_sockets_opened", "metaros_store_bytes"}
         silent |= {"metaros_deliveries_ended", "metaros_function_duration_seconds"}  # no function was called
         silent |= {row.name for row in METRICS if row.name.startswith("metaros_cluster_")}  # it is alone
-        assert {row.name for row in METRICS} - told <= silent, "all others have a value at once"
+        assert {row.name for row in METRICS} - reported <= silent, "all others have a value at once"
 
 
 async def test_a_followed_sample_is_seen_by_who_sees_its_robot(tmp_path: Path) -> None:
@@ -177,9 +177,9 @@ async def test_the_report_has_tasks_and_settings_and_no_secret(tmp_path: Path) -
     assert report["robots"] == {"known": 0, "online": 0, "elsewhere": 0}
     assert report["settings"]["data_dir"] == str(ready.data_dir)
     assert report["settings"]["otlp"] == "(set)"
-    assert any("Crowd.run" in row["runs"] for row in report["tasks"])
+    assert any("ConnectionLimits.run" in row["runs"] for row in report["tasks"])
     assert report["numbers"]["metaros_ready"] == 1
-    assert "Crowd.run" in text
+    assert "ConnectionLimits.run" in text
     for secret in ("hunter2", key, ADMIN):
         assert secret not in str(report)
         assert secret not in text

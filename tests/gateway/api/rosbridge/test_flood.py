@@ -24,7 +24,7 @@ async def sim_1(folder: Path, **settings: Any) -> AsyncIterator[ClientConnection
             yield socket
 
 
-async def test_who_publishes_too_fast_is_told_so_before_the_socket_ends(tmp_path: Path) -> None:
+async def test_who_publishes_too_fast_is_reported_so_before_the_socket_ends(tmp_path: Path) -> None:
     one = 0.2  # a second: a burst of one
     async with sim_1(tmp_path, robot_requests_per_s=one) as socket:
         for number in range(2):
@@ -40,7 +40,7 @@ async def test_who_publishes_too_fast_is_told_so_before_the_socket_ends(tmp_path
         assert "150 frames" in last["msg"]
 
 
-async def test_who_sends_too_many_bytes_is_told_so_too(tmp_path: Path) -> None:
+async def test_who_sends_too_many_bytes_is_reported_so_too(tmp_path: Path) -> None:
     long = "a" * 900_000
     async with sim_1(tmp_path) as socket:
         hearing = asyncio.create_task(all_of(socket))
@@ -53,8 +53,8 @@ async def test_who_sends_too_many_bytes_is_told_so_too(tmp_path: Path) -> None:
 
 async def all_of(socket: ClientConnection) -> list[Any]:
     """Whatever comes until the end."""
-    heard = []
+    received = []
     with contextlib.suppress(ConnectionClosed):
         while True:
-            heard.append(await socket.recv())
-    return heard
+            received.append(await socket.recv())
+    return received

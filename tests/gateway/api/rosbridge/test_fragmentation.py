@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from gateway.api.rosbridge.encodings import encoding_of
-from gateway.api.rosbridge.pieces import Assembler, fragments, png_message
+from gateway.api.rosbridge.fragmentation import Assembler, fragments, png_message
 from gateway.api.rosbridge.protocol import shaped
 from gateway.api.rosbridge.requests import Shape
 from gateway.domain.channel import Channel

@@ -16,8 +16,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gateway.domain.principal import Role
-from gateway.live import demand_desk
-from gateway.live.demand import DemandBook
+from gateway.live import demand_manager
+from gateway.live.demand import DemandTable
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
@@ -38,10 +38,10 @@ from tests.gateway.harness import (
     running_gateway,
     say,
 )
-from tests.support.key_ring import bearer
+from tests.support.gateways.memory_authenticator import bearer
 
 VIEWER_KEY = RING.add(role=Role.VIEWER, name="rosbridge viewer")
-ELSEWHERE_KEY = RING.add(role=Role.OPERATOR, name="of another robot", robots=("other",))
+REMOTE_KEY = RING.add(role=Role.OPERATOR, name="of another robot", robots=("other",))
 TEXT, SCAN, IMAGE = "std_msgs/msg/String", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/CompressedImage"
 FIBONACCI = "example_interfaces/Fibonacci"
 
@@ -73,8 +73,8 @@ async def test_a_subscriber_hears_a_topic_by_the_name_that_it_gave(tmp_path: Pat
         await say(socket, op="subscribe", topic="sim_1/chat", type="std_msgs/String")
         await settled(socket)
         await texts(agent, 1, "a", "b")
-        heard = [await hear(socket, "publish") for _ in range(2)]
-        assert [(item["topic"], item["msg"]) for item in heard] == [("sim_1/chat", {"data": w}) for w in "ab"]
+        received = [await hear(socket, "publish") for _ in range(2)]
+        assert [(item["topic"], item["msg"]) for item in received] == [("sim_1/chat", {"data": w}) for w in "ab"]
         await say(socket, op="unsubscribe", topic="sim_1/chat")
         await settled(socket)
         await texts(agent, 3, "c")
@@ -140,12 +140,12 @@ async def test_what_is_published_reaches_the_robot_in_order(tmp_path: Path) -> N
         await say(socket, op="advertise", id="a", topic="/sim_1/chat", type="std_msgs/String", latch=False)
         for number in range(50):
             await say(socket, op="publish", id=f"p{number}", topic="/sim_1/chat", msg={"data": str(number)})
-        heard = []
+        received = []
         for _ in range(50):
             command = (await agent.next("command")).command
-            heard.append(codec(TEXT).decode(command.publish.payload).data)
+            received.append(codec(TEXT).decode(command.publish.payload).data)
             await agent.answer(command)
-        assert heard == [str(number) for number in range(50)]
+        assert received == [str(number) for number in range(50)]
         await say(socket, op="publish", id="bad", topic="/sim_1/chat", msg={"date": "x"})
         status = await hear(socket, "status")
         assert (status["id"], status["code"], status["level"]) == ("bad", "invalid_field", "error")
@@ -191,9 +191,9 @@ async def test_a_robot_out_of_scope_does_not_exist(tmp_path: Path) -> None:
     async with world(tmp_path) as (ready, agent):
         for path in ("/rosbridge/sim_1", "/rosbridge?robot=sim_1", "/rosbridge/nobody"):
             with pytest.raises(InvalidStatus) as refused:
-                await open_socket(ready, path, key=ELSEWHERE_KEY).__aenter__()
+                await open_socket(ready, path, key=REMOTE_KEY).__aenter__()
             assert refused.value.response.status_code in (403, 404)
-        async with open_socket(ready, "/rosbridge", key=ELSEWHERE_KEY) as socket:
+        async with open_socket(ready, "/rosbridge", key=REMOTE_KEY) as socket:
             for request in (
                 {"op": "subscribe", "topic": "/sim_1/chat"},
                 {"op": "publish", "topic": "/sim_1/chat", "msg": {}, "type": TEXT},
@@ -267,7 +267,7 @@ async def test_an_actuator_needs_the_lease_and_drive_takes_it(tmp_path: Path) ->
         await agent.answer(released)
 
 
-async def test_nobody_known_is_told_to_sign_in(tmp_path: Path) -> None:
+async def test_nobody_known_is_reported_to_sign_in(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, anonymous=False) as ready:
         with pytest.raises(InvalidStatus) as refused:
             await connect(f"ws://127.0.0.1:{ready.rosbridge_port}", proxy=None)
@@ -356,8 +356,8 @@ async def test_rosapi_answers_by_either_name_and_with_arguments_in_a_list(tmp_pa
 
 
 async def test_the_robot_is_asked_for_what_its_clients_want(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(demand_desk, "DemandBook", partial(DemandBook, hold_s=0.05))
-    monkeypatch.setattr(demand_desk, "RELEASE_S", 0.02)
+    monkeypatch.setattr(demand_manager, "DemandTable", partial(DemandTable, hold_s=0.05))
+    monkeypatch.setattr(demand_manager, "RELEASE_S", 0.02)
     async with world(tmp_path) as (ready, agent), open_socket(ready, "/rosbridge/sim_1") as slow:
         await agent.announce(channel(8, "/sim_1/camera", TEXT, delivery=4))
         await say(slow, op="subscribe", topic="/sim_1/camera", throttle_rate=500)

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
+from gateway.api.robot_access import ResolvedName
 from gateway.api.rosbridge.encodings import encoding_of, json_view
 from gateway.api.rosbridge.requests import Shape, Subscribe
 from gateway.api.rosbridge.subscriptions import CountedSubscription, Subscriptions, merged
-from gateway.api.visitor import Place
-from gateway.api.ws.outlet import split_frames
+from gateway.api.ws.writer import split_frames
 from gateway.domain.channel import Channel
+from gateway.domain.client_names import ClientNames
 from gateway.domain.records import Record
-from gateway.domain.world_names import WorldNames
 from gateway.errors import InvalidRequestError, TooManyError, UnknownRobotError
 from gateway.live.encoding import Block
 from gateway.live.subscription import TopicSubscription
@@ -47,23 +47,23 @@ def block(*words: str, of: Channel | None = None) -> Block:
 
 
 class Board:
-    """A viewer that notes what it is subscribed to, and a visitor who sees r1 with a few topics."""
+    """A viewer that notes what it is subscribed to, and a client that sees r1 with a few topics."""
 
     def __init__(self, *channels: Channel, robot: str | None = "r1") -> None:
-        self.names = WorldNames(robot, sees=lambda name: name == "r1")
+        self.names = ClientNames(robot, sees=lambda name: name == "r1")
         self.channels = channels
         self.running: dict[int, TopicSubscription] = {}
         self.warnings: list[str] = []
 
-    def find_topic(self, name: str) -> tuple[Place, Channel | None]:
-        places = [Place(*found) for found in self.names.candidates(name)]
-        if not places:
+    def find_topic(self, name: str) -> tuple[ResolvedName, Channel | None]:
+        candidates = [ResolvedName(*found) for found in self.names.candidates(name)]
+        if not candidates:
             raise UnknownRobotError.of(name)
-        for place in places:
+        for resolved in candidates:
             for item in self.channels:
-                if (item.robot, item.topic) == (place.robot, place.name):
-                    return place, item
-        return places[0], None
+                if (item.robot, item.topic) == (resolved.robot, resolved.name):
+                    return resolved, item
+        return candidates[0], None
 
     def subscribe(self, subscription: TopicSubscription) -> None:
         self.running[subscription.number] = subscription
@@ -134,14 +134,14 @@ def test_a_queue_holds_as_many_messages_as_was_said() -> None:
     first, second = counted.take(), counted.take()
     assert first is not None
     assert second is not None
-    assert heard([*split_frames(encoding.encode(first[0])), *split_frames(encoding.encode(second[0]))]) == [
+    assert received([*split_frames(encoding.encode(first[0])), *split_frames(encoding.encode(second[0]))]) == [
         "b",
         "c",
         "d",
     ]
 
 
-def heard(frames: Sequence[tuple[int, bytes]]) -> list[str]:
+def received(frames: Sequence[tuple[int, bytes]]) -> list[str]:
     """The texts that frames carry."""
     return [json.loads(data)["msg"]["data"] for _, data in frames]
 

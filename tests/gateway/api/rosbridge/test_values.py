@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.api.rosbridge.inward import arguments, message_of
-from gateway.api.rosbridge.outward import TAGS, cbor_values, json_bytes, json_values
+from gateway.api.rosbridge.from_message import TAGS, cbor_values, json_bytes, json_values
+from gateway.api.rosbridge.to_message import arguments, message_of
 from metaros.cdr import codec
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class

@@ -16,7 +16,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
-from gateway.api.ws.cut import cut
+from gateway.api.ws.close import close_socket
 from gateway.api.ws.link import SUBPROTOCOL
 from gateway.main import Ready
 from gateway.store import Store
@@ -26,7 +26,7 @@ from metaros.clock import SystemClock
 from metaros.limits import LIMITS
 from tests.edge_agent.parts import accept
 from tests.gateway.harness import client, running_gateway
-from tests.support.uplinks import Owner, feed, running, wait
+from tests.support.robots.uplinks import Owner, feed, running, wait
 
 
 @asynccontextmanager
@@ -45,7 +45,7 @@ def hello(**changes: Any) -> bytes:
     return link_pb2.AgentFrame(hello=link_pb2.Hello(**{**plain, **changes})).SerializeToString()
 
 
-async def heard(socket: ClientConnection) -> link_pb2.GatewayFrame:
+async def received(socket: ClientConnection) -> link_pb2.GatewayFrame:
     """The next frame."""
     async with asyncio.timeout(60):
         return link_pb2.GatewayFrame.FromString(await socket.recv(decode=False))
@@ -91,7 +91,7 @@ async def stored_payloads(folder: Path) -> list[bytes]:
         await store.close()
 
 
-async def test_the_gateways_end_is_told_and_the_agent_comes_back(tmp_path: Path) -> None:
+async def test_the_gateways_end_is_reported_and_the_agent_comes_back(tmp_path: Path) -> None:
     owner, stack = Owner(), AsyncExitStack()
     async with running_gateway(tmp_path) as ready:
         uplinks = await stack.enter_async_context(running(ready.url, owner=owner))
@@ -130,13 +130,13 @@ async def test_what_is_no_frame_or_no_hello_closes_the_socket_and_no_other(tmp_p
                 assert await close_code(socket) == code
             async with lane_socket(ready) as socket:
                 await socket.send(hello(robot_id=f"r{code}"))
-                assert (await heard(socket)).HasField("welcome")
+                assert (await received(socket)).HasField("welcome")
                 await socket.send(first)
                 assert await close_code(socket) == code
         for frame, text in ((hello(protocol=9), "protocol 1"), (link_pb2.AgentFrame().SerializeToString(), "Hello")):
             async with lane_socket(ready) as socket:
                 await socket.send(frame)
-                goodbye = (await heard(socket)).goodbye
+                goodbye = (await received(socket)).goodbye
                 assert goodbye.code == "protocol"
                 assert text in goodbye.message
                 assert await close_code(socket) == 1000
@@ -146,29 +146,29 @@ async def test_what_is_no_frame_or_no_hello_closes_the_socket_and_no_other(tmp_p
             # The close frame may be lost, as the gateway does not read the rest.
             assert await close_code(socket) in (1009, 1006)
         await other.send(hello())
-        assert (await heard(other)).HasField("welcome")
+        assert (await received(other)).HasField("welcome")
         async with lane_socket(ready) as new:
             await new.send(hello(session_number=2, session_id=bytes([1]) * 16))
-            assert (await heard(new)).HasField("welcome")
-            assert (await heard(other)).goodbye.code == "fenced", "by the newer session, whatever carries it"
+            assert (await received(new)).HasField("welcome")
+            assert (await received(other)).goodbye.code == "fenced", "by the newer session, whatever carries it"
             assert await close_code(other) == 1000
 
 
 async def test_an_agent_that_reads_nothing_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.ingest.links.OUTBOX_BYTES", 4 << 20)
-    monkeypatch.setattr("gateway.ingest.lane_shell.LAST_WORDS_S", 0.05)
+    monkeypatch.setattr("gateway.ingest.lane_server.GOODBYE_S", 0.05)
     over = asyncio.Event()
 
-    async def cut_and_told(*arguments: Any) -> None:
-        await cut(*arguments)
+    async def close_and_note(*arguments: Any) -> None:
+        await close_socket(*arguments)
         over.set()
 
-    monkeypatch.setattr("gateway.api.ws.link.cut", cut_and_told)
+    monkeypatch.setattr("gateway.api.ws.link.close_socket", close_and_note)
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack, client(ready) as http:
         lanes = [await stack.enter_async_context(lane_socket(ready, max_queue=1)) for _ in range(3)]
         for number, socket in enumerate(lanes, 1):
             await socket.send(hello(lane=number))
-            assert (await heard(socket)).HasField("welcome")
+            assert (await received(socket)).HasField("welcome")
         await wait_for_state(http, "online")
         body, headers = bytes(900_000), {"Content-Type": "application/cdr"}
         query = {"topic": "/chatter", "type": "std_msgs/msg/String"}

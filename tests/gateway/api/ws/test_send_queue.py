@@ -15,9 +15,9 @@ from websockets.frames import Frame, Opcode
 from websockets.protocol import State
 from websockets.server import ServerProtocol
 
-from gateway.api.ws import outlet
-from gateway.api.ws.outlet import BINARY, TEXT, AsgiOutlet, UvicornOutlet, frame, split_frames
-from gateway.api.ws.pipe import Pipe
+from gateway.api.ws import writer as outlet
+from gateway.api.ws.send_queue import SendQueue
+from gateway.api.ws.writer import BINARY, TEXT, AsgiWriter, UvicornWriter, frame, split_frames
 from gateway.domain.records import split_records
 from metaros.clock import SystemClock
 from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
@@ -65,7 +65,7 @@ async def test_uvicorns_transport_says_when_it_is_full_and_when_it_is_gone() -> 
     async with server, asyncio.timeout(60):
         reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
         served = await made.get()
-        out = UvicornOutlet(served, lambda: fulls.append(1))
+        out = UvicornWriter(served, lambda: fulls.append(1))
         written = 0
         while out.ready():
             assert not fulls
@@ -73,7 +73,7 @@ async def test_uvicorns_transport_says_when_it_is_full_and_when_it_is_gone() -> 
             written += 100_000
         assert fulls == [1]
         await reader.readexactly(written)
-        await out.room()
+        await out.drain()
         assert out.ready()
         assert fulls == [1]
         writer.transport.abort()
@@ -110,41 +110,41 @@ class SlowApp:
 
 async def test_without_uvicorn_frames_go_through_asgi_in_order() -> None:
     app = SlowApp()
-    pipe, fulls, rooms = Pipe(app.socket(), clock=SystemClock()), [], []
-    pipe.on_full, pipe.on_room = lambda: fulls.append(1), lambda: rooms.append(1)
-    assert pipe.ready()
-    pipe.write(frame(BINARY, bytes(70_000)) + frame(TEXT, b"two"))
+    send_queue, fulls, rooms = SendQueue(app.socket(), clock=SystemClock()), [], []
+    send_queue.on_full, send_queue.on_drained = lambda: fulls.append(1), lambda: rooms.append(1)
+    assert send_queue.ready()
+    send_queue.write(frame(BINARY, bytes(70_000)) + frame(TEXT, b"two"))
     assert fulls  # at once: nobody asks before he writes
-    assert not pipe.ready()
-    pipe.text("three")
-    assert pipe.waiting_bytes > 70_000
+    assert not send_queue.ready()
+    send_queue.text("three")
+    assert send_queue.waiting_bytes > 70_000
     app.let(3)
     async with asyncio.timeout(60):
         for _ in range(3):
             await app.came.acquire()
     assert app.taken == [bytes(70_000), "two", "three"]
-    await pipe.room()
-    assert (pipe.ready(), rooms, pipe.waiting_bytes) == (True, [1], 0)
-    pipe.close()
+    await send_queue.drain()
+    assert (send_queue.ready(), rooms, send_queue.waiting_bytes) == (True, [1], 0)
+    send_queue.close()
 
 
 async def test_who_takes_nothing_is_stalled() -> None:
-    pipe = Pipe(SlowApp().socket(), clock=SystemClock(), stall_s=0.05)
-    pipe.write(frame(BINARY, bytes(70_000)))
-    assert not pipe.ready()
+    send_queue = SendQueue(SlowApp().socket(), clock=SystemClock(), stall_s=0.05)
+    send_queue.write(frame(BINARY, bytes(70_000)))
+    assert not send_queue.ready()
     async with asyncio.timeout(60):
-        await pipe.stalled()
-    pipe.close()
+        await send_queue.stalled()
+    send_queue.close()
 
 
 async def test_who_lets_too_many_answers_wait_is_stalled() -> None:
-    pipe = Pipe(SlowApp().socket(), clock=SystemClock(), stall_s=600, control_bytes=1000)
-    pipe.write(frame(BINARY, bytes(70_000)))
+    send_queue = SendQueue(SlowApp().socket(), clock=SystemClock(), stall_s=600, control_bytes=1000)
+    send_queue.write(frame(BINARY, bytes(70_000)))
     for _ in range(11):
-        pipe.text("x" * 100)
+        send_queue.text("x" * 100)
     async with asyncio.timeout(60):
-        await pipe.stalled()
-    pipe.close()
+        await send_queue.stalled()
+    send_queue.close()
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["uvicorn", "asgi"])
@@ -152,10 +152,10 @@ async def test_the_stream_is_the_same_both_ways(tmp_path: Path, monkeypatch: pyt
     made: list[Any] = []
 
     def opened(socket: WebSocket, on_full: Callable[[], None]) -> Any:
-        made.append(outlet.open_outlet(socket, on_full) if known else AsgiOutlet(socket, on_full))
+        made.append(outlet.open_writer(socket, on_full) if known else AsgiWriter(socket, on_full))
         return made[-1]
 
-    monkeypatch.setattr("gateway.api.ws.pipe.open_outlet", opened)
+    monkeypatch.setattr("gateway.api.ws.send_queue.open_writer", opened)
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
         await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String"))
         async with open_socket(ready, "/api/v1/stream") as viewer:
@@ -169,4 +169,4 @@ async def test_the_stream_is_the_same_both_ways(tmp_path: Path, monkeypatch: pyt
             while len(found) < 2:
                 found += [len(record.payload) for _, _, record in split_records(await hear_bytes(viewer))]
             assert found == [100, 100_000]
-    assert isinstance(made[0], UvicornOutlet if known else AsgiOutlet), "no middleware may hide uvicorn's protocol"
+    assert isinstance(made[0], UvicornWriter if known else AsgiWriter), "no middleware may hide uvicorn's protocol"

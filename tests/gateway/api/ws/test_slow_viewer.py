@@ -65,7 +65,7 @@ async def count_until_closed(viewer: ClientConnection) -> int:
     return received
 
 
-async def test_a_slow_viewer_loses_the_oldest_and_is_told(tmp_path: Path) -> None:
+async def test_a_slow_viewer_loses_the_oldest_and_is_reported(tmp_path: Path) -> None:
     sent = 40  # more than the gateway's system takes that nobody reads
     async with running_gateway(tmp_path, viewer_stall_s=120) as ready, ScriptedAgent(ready) as agent:
         await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String", delivery=LIVE))

@@ -7,8 +7,8 @@ from pathlib import Path
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
-from tests.support.key_ring import KeyRing
-from tests.support.viewer import records
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.gateways.viewer import records
 
 SERIES = [link_pb2.Series(series_id=1, name="battery.x", topic="/battery", field="x")]
 
@@ -16,7 +16,7 @@ SERIES = [link_pb2.Series(series_id=1, name="battery.x", topic="/battery", field
 async def test_patterns_never_reach_a_robot_out_of_scope(tmp_path: Path) -> None:
     ring = KeyRing()
     key = ring.add(role=Role.VIEWER, robots=("lab_*",))
-    async with running_gateway(tmp_path, door=ring) as ready:
+    async with running_gateway(tmp_path, authenticator=ring) as ready:
         async with (
             ScriptedAgent(ready, "hall_1", session=b"h" * 16) as hidden,
             ScriptedAgent(ready, "lab_1", session=b"l" * 16) as shown,
@@ -38,10 +38,10 @@ async def test_patterns_never_reach_a_robot_out_of_scope(tmp_path: Path) -> None
                 for agent in (hidden, shown):
                     await agent.samples(2, 1, [agent.robot.encode()], stamp_ns=7)
                     await agent.rows(2, [(1, 6, 2.0)])
-                heard: set[bytes] = set()
-                while b"lab_1" not in heard:
-                    heard |= {record.payload for record in records(await hear_bytes(socket))}
-                assert heard == {b"lab_1"}
+                received: set[bytes] = set()
+                while b"lab_1" not in received:
+                    received |= {record.payload for record in records(await hear_bytes(socket))}
+                assert received == {b"lab_1"}
                 for number in range(5, 8):
                     await say(socket, op="subscribe_metrics", id=30 + number, robots="**")
                     assert (await hear(socket, "metrics"))["robot"] == "lab_1"

@@ -8,7 +8,7 @@ import orjson
 
 from gateway.api.ws import talk
 from tests.gateway.cluster.test_talks import said
-from tests.support.relay_rig import ROBOT, relay_rig, settle
+from tests.support.gateways.relay_rig import ROBOT, relay_rig, settle
 
 TAKE = {"op": "take", "holder": "ann", "codec": "pcm-s16", "sample_rate": 16000}
 
@@ -38,7 +38,7 @@ async def test_sound_without_the_lease_is_dropped_and_not_counted() -> None:
     sound = [bytes([number, 1]) for number in range(1, 11)]
     socket: Any = Socket(b"\0\1", TAKE, *sound, {"op": "release"}, b"\0\2", {"op": "sing"})
     async with relay_rig("a") as rig:
-        await talk._Voice(socket, rig["a"].talk, ROBOT).run()
+        await talk._TalkSocket(socket, rig["a"].talk, ROBOT).run()
         await settle()
         assert [bytes(packet.data) for packet in said(rig) if len(packet.data)] == sound
         assert {packet.codec for packet in said(rig) if len(packet.data)} == {"pcm-s16"}
@@ -54,5 +54,5 @@ async def test_a_take_says_how_the_sound_comes() -> None:
     wrong: list[dict[str, Any]] = [{**TAKE, "codec": "mp3"}, {**TAKE, "sample_rate": 44100}]
     socket: Any = Socket(*wrong)
     async with relay_rig("a") as rig:
-        await talk._Voice(socket, rig["a"].talk, ROBOT).run()
+        await talk._TalkSocket(socket, rig["a"].talk, ROBOT).run()
     assert [(one["op"], one["code"]) for one in socket.answers] == [("error", "invalid_request")] * 2

@@ -12,16 +12,16 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.event import Event, EventFilter, EventPage
+from gateway.automation.events import journal as module
+from gateway.automation.events.cloud import cloud_event
+from gateway.automation.events.journal import EventJournal
+from gateway.domain.automation.event import Event, EventFilter, EventPage
 from gateway.errors import StoreError
-from gateway.events import journal as module
-from gateway.events.cloud import cloud_event
-from gateway.events.journal import EventJournal
 from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import Clock, ManualClock
 from metaros.limits import LIMITS
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 
@@ -60,7 +60,7 @@ async def stored(journal: EventJournal, seq: int) -> None:
     await wait_until_async(lambda: journal.head >= seq)
 
 
-def told(page: EventPage) -> list[tuple[int, str, str]]:
+def reported(page: EventPage) -> list[tuple[int, str, str]]:
     """What a page holds, in short."""
     return [(item.seq, item.kind, item.robot) for item in page.events]
 
@@ -71,7 +71,7 @@ async def test_events_come_in_order_and_a_page_goes_on_where_the_last_ended(tmp_
             journal.emit("robot.online", f"r{number}", {"hostname": "h"})
         await stored(journal, 5)
         first = await journal.read(after=0, limit=3)
-        assert told(first) == [(1, "robot.online", "r0"), (2, "robot.online", "r1"), (3, "robot.online", "r2")]
+        assert reported(first) == [(1, "robot.online", "r0"), (2, "robot.online", "r1"), (3, "robot.online", "r2")]
         rest = await journal.read(after=first.next, limit=3)
         assert [item.seq for item in rest.events] == [4, 5]
         assert (await journal.read(after=rest.next, limit=3)).events == ()
@@ -106,7 +106,7 @@ async def test_a_watcher_hears_what_follows_its_cursor_and_then_what_happens(tmp
         journal.emit("robot.online", "r2")
         await stored(journal, 2)
         after, now = journal.watch(after=1), journal.watch()
-        assert told(await anext(after)) == [(2, "robot.online", "r2")]
+        assert reported(await anext(after)) == [(2, "robot.online", "r2")]
         waiting = asyncio.create_task(anext(now))
         await wait_until_async(lambda: journal.watchers == 2)
         await asyncio.sleep(0)
@@ -196,11 +196,11 @@ async def test_while_the_store_is_away_events_wait(tmp_path: Path, monkeypatch: 
         assert journal.waiting == 0
 
 
-async def test_an_end_stores_what_was_told_last(tmp_path: Path) -> None:
+async def test_an_end_stores_what_was_reported_last(tmp_path: Path) -> None:
     async with open_journal(tmp_path) as journal:
         journal.emit("robot.offline", "r1")
     async with open_journal(tmp_path) as journal:
-        assert told(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
+        assert reported(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
 
 
 async def test_what_is_under_way_at_the_end_is_stored_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +219,7 @@ async def test_what_is_under_way_at_the_end_is_stored_once(tmp_path: Path, monke
         await committed.wait()
         asyncio.get_running_loop().call_soon(go_on.set)  # when `run` is cancelled already
     async with open_journal(tmp_path) as journal:
-        assert told(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
+        assert reported(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
 
 
 async def test_who_watches_is_sent_home_when_the_gateway_ends(tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ async def test_of_many_events_of_another_gateway_none_is_missed(
             for number in range(count):
                 journal.emit("robot.online", f"r{number}")
             await journal.close()
-        await ours.look()
+        await ours.refresh()
         assert ours.head == 23
         page = await ours.read(after=0, limit=100)
         seen = [item.seq for item in page.events]

@@ -8,12 +8,12 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.command import Command
-from gateway.domain.recording import Recording
+from gateway.automation.events.kinds import EVENT_KINDS, event_kind
+from gateway.automation.events.recorder import EventRecorder
+from gateway.domain.fleet.command import Command
+from gateway.domain.fleet.recording import Recording
+from gateway.domain.fleet.twin import Reported
 from gateway.domain.robot import Robot
-from gateway.domain.twin import Reported
-from gateway.events.feature import Events
-from gateway.events.kinds import EVENT_KINDS, event_kind
 from gateway.store.engine import StoreEngine
 from metaros.clock import ManualClock
 
@@ -31,7 +31,7 @@ class NoStore:
     read = run
 
 
-class Told(Events):
+class Told(EventRecorder):
     """Events, and what was emitted so far."""
 
     def __init__(self) -> None:
@@ -130,7 +130,7 @@ def test_a_twin_settles_once(told: Told) -> None:
     assert told.emitted == []
 
 
-def test_a_node_that_crashes_is_told_each_time(told: Told) -> None:
+def test_a_node_that_crashes_is_reported_each_time(told: Told) -> None:
     rows: list[dict[str, Any]] = [
         {"state": "running", "restarts": 0, "crashes": 0},
         {"state": "waiting", "restarts": 0, "crashes": 1},
@@ -151,7 +151,7 @@ def test_a_node_that_crashes_is_told_each_time(told: Told) -> None:
     ]
 
 
-def test_a_node_in_another_state_is_told_once(told: Told) -> None:
+def test_a_node_in_another_state_is_reported_once(told: Told) -> None:
     rows: list[dict[str, Any]] = [
         {},
         {"camera": {"state": "starting"}},

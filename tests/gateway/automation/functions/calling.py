@@ -10,15 +10,15 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.delivery import Put
-from gateway.functions.directory import EventInvoke, MappingRow, Resolved
-from gateway.functions.errors import UnknownFunctionError
-from gateway.functions.invoker import Invoker
-from gateway.functions.ledger import Ledger
-from gateway.functions.meters import FunctionMeters
+from gateway.automation.functions.directory import EventInvoke, MappingRow, Resolved
+from gateway.automation.functions.errors import UnknownFunctionError
+from gateway.automation.functions.invoker import Invoker
+from gateway.automation.functions.ledger import Ledger
+from gateway.automation.functions.meters import FunctionMeters
+from gateway.domain.automation.delivery import Put
 from gateway.store import Store
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
 from metaros.clock import ManualClock
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
 
 __all__ = ["FakeAws", "FakeDirectory", "FakeEngine", "failed", "make_invoker", "returned"]
 

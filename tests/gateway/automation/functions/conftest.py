@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.gateway.queue.conftest import world
-from tests.support.databases import store_url
+from tests.gateway.automation.queue.conftest import world
+from tests.support.servers.databases import store_url
 
 __all__ = ["store_url", "world"]

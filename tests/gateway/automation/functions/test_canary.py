@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.canary import PROMOTED, ROLLED_BACK, RUNNING, Canary, judged
-from gateway.functions.canary import Canaries
-from gateway.functions.directory import EventInvoke, Resolved
-from gateway.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
-from tests.gateway.functions.calling import FakeDirectory
-from tests.gateway.queue.world import World
+from gateway.automation.functions.canary import Canaries
+from gateway.automation.functions.directory import EventInvoke, Resolved
+from gateway.automation.functions.errors import FunctionConflictError, FunctionInvalidError, UnknownFunctionError
+from gateway.domain.automation.canary import PROMOTED, ROLLED_BACK, RUNNING, Canary, judged
+from tests.gateway.automation.functions.calling import FakeDirectory
+from tests.gateway.automation.queue.world import World
 
 ASKED = Canary(
     function="f",
@@ -97,7 +97,7 @@ async def test_an_alias_is_moved_back_and_the_journal_says_why(world: World) -> 
         await scene.canaries.begin(ASKED)
     scene.canaries.count("f", "live", "1", False)  # of the old one: not its fault
     scene.call(failed=2, good=20)
-    await scene.canaries.look()
+    await scene.canaries.evaluate()
     found = scene.canaries.of("f", "live")
     assert found is not None
     assert (found.state, found.invocations, found.errors) == (ROLLED_BACK, 22, 2)
@@ -120,7 +120,7 @@ async def test_a_look_while_one_begins_tells_nothing_twice(
 
     async def a_look_in_between(*args: Any, **options: Any) -> Any:
         monkeypatch.undo()
-        await scene.canaries.look()
+        await scene.canaries.evaluate()
         return await go_on(*args, **options)
 
     monkeypatch.setattr(holder, name, a_look_in_between)
@@ -142,10 +142,10 @@ async def test_what_was_decided_is_done_by_the_next_life(world: World) -> None:
 
     scene.canaries._apply = dies  # type: ignore[method-assign]
     with pytest.raises(RuntimeError):
-        await scene.canaries.look()
+        await scene.canaries.evaluate()
     assert len(scene.directory.aliases["f:live"]) == 2
     scene.canaries = scene.make()
-    await scene.canaries.look()
+    await scene.canaries.evaluate()
     assert scene.directory.aliases["f:live"] == (("1", 1.0),)
     assert apply is not None
 
@@ -154,9 +154,9 @@ async def test_one_that_is_good_is_promoted_after_its_time(world: World) -> None
     scene = Scene(world)
     await scene.canaries.begin(ASKED)
     scene.call(failed=0, good=30)
-    await scene.canaries.look()
+    await scene.canaries.evaluate()
     scene.clock.advance(61)
-    await scene.canaries.look()
+    await scene.canaries.evaluate()
     assert scene.directory.aliases["f:live"] == (("2", 1.0),)
 
 
@@ -184,6 +184,6 @@ async def test_a_canary_of_a_deleted_function_is_forgotten(world: World) -> None
     del scene.directory.functions["f"]
     scene.call(failed=20, good=0)
     with pytest.raises(UnknownFunctionError):
-        await scene.canaries.look()
-    await scene.canaries.look()
+        await scene.canaries.evaluate()
+    await scene.canaries.evaluate()
     assert scene.canaries.of("f", "live") is None

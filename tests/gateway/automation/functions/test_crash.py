@@ -15,9 +15,9 @@ from typing import Any
 import httpx
 import pytest
 
-from gateway.identity.local import LOCAL_KEY_FILE
-from tests.support.lambda_gateway import ROLE, lambda_gateway, zipped
-from tests.support.processes import END_S, end
+from gateway.identity.local_key import LOCAL_KEY_FILE
+from tests.support.gateways.lambda_gateway import ROLE, lambda_gateway, zipped
+from tests.support.processes.processes import END_S, end
 from tests.support.waiting import wait_until
 
 CODE = """

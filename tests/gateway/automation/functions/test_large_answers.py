@@ -7,11 +7,12 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.functions import destinations, invoker, mapping_batch
-from gateway.functions.directory import MappingRow
-from gateway.functions.invoker import error_of
-from gateway.functions.mapping_batch import failed_from
-from metaros.functions.calls import Outcome
+from gateway.automation.functions import destinations, invoker
+from gateway.automation.functions.directory import MappingRow
+from gateway.automation.functions.invoker import error_of
+from gateway.automation.functions.mappings import batch
+from gateway.automation.functions.mappings.batch import failed_from
+from metaros.automation.functions.calls import Outcome
 from metaros.limits import LIMITS
 
 
@@ -28,7 +29,7 @@ def parsed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             sizes.append(len(data))
             return orjson.loads(data)
 
-    for module in (destinations, invoker, mapping_batch):
+    for module in (destinations, invoker, batch):
         monkeypatch.setattr(module, "orjson", Parser)
     return sizes
 

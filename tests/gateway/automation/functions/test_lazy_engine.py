@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.functions import lazy_engine
-from gateway.functions.errors import FunctionsOffError
-from gateway.functions.lazy_engine import EngineDoor
+from gateway.automation.functions import lazy_engine
+from gateway.automation.functions.errors import FunctionsOffError
+from gateway.automation.functions.lazy_engine import LazyEngine
+from metaros.automation.functions.engine import Engine
 from metaros.clock import SystemClock
-from metaros.functions.engine import Engine
 
 
 async def test_an_engine_that_never_starts_holds_nobody_for_ever(
@@ -22,8 +22,10 @@ async def test_an_engine_that_never_starts_holds_nobody_for_ever(
 
     monkeypatch.setattr(lazy_engine, "START_S", 0.05)
     monkeypatch.setattr(Engine, "start", start)
-    door = EngineDoor(lambda: Engine(tmp_path, clock=SystemClock()), on_log=lambda piece: None, clock=SystemClock())
+    authenticator = LazyEngine(
+        lambda: Engine(tmp_path, clock=SystemClock()), on_log=lambda piece: None, clock=SystemClock()
+    )
     with pytest.raises(FunctionsOffError, match="TimeoutError"):
-        await door.open()
-    assert door.state().trouble == "TimeoutError"
-    await door.close()
+        await authenticator.open()
+    assert authenticator.state().trouble == "TimeoutError"
+    await authenticator.close()

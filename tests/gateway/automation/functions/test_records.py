@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.command import new_command_id
-from gateway.domain.invocation import ERROR, OK, THROTTLED, InvocationFilter, Recorded
+from gateway.automation.functions.ledger import Ledger
+from gateway.automation.functions.logs import LogBuffer
+from gateway.automation.functions.meters import FunctionMeters
+from gateway.domain.automation.invocation import ERROR, OK, THROTTLED, InvocationFilter, Recorded
+from gateway.domain.fleet.command import new_command_id
 from gateway.errors import TooManyError
-from gateway.functions.ledger import Ledger
-from gateway.functions.logs import LogBook
-from gateway.functions.meters import FunctionMeters
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.gateway.queue.world import World
+from tests.gateway.automation.queue.world import World
 
 EVERY = InvocationFilter()
 
@@ -132,33 +132,33 @@ class Piece:
 
 
 def test_lines_are_bounded_by_function_and_in_all() -> None:
-    book = LogBook(limits=replace(LIMITS, function_log_lines=3, function_log_bytes=1500))
-    book.add(Piece("1\n2\n3\n4\n"))
-    assert [line.text for line in book.page("f", limit=9)] == ["2", "3", "4"]
-    assert [line.text for line in book.page("f", limit=1, before=4)] == ["3"]
-    book.add(Piece("x" * 500 + "\n" + "y" * 500, function="g"))
-    assert book.page("f", limit=9) == []
-    assert len(book.page("g", limit=9)) == 2
+    registry = LogBuffer(limits=replace(LIMITS, function_log_lines=3, function_log_bytes=1500))
+    registry.add(Piece("1\n2\n3\n4\n"))
+    assert [line.text for line in registry.page("f", limit=9)] == ["2", "3", "4"]
+    assert [line.text for line in registry.page("f", limit=1, before=4)] == ["3"]
+    registry.add(Piece("x" * 500 + "\n" + "y" * 500, function="g"))
+    assert registry.page("f", limit=9) == []
+    assert len(registry.page("g", limit=9)) == 2
 
 
 async def test_who_follows_gets_every_line_until_the_end() -> None:
-    book = LogBook(limits=replace(LIMITS, function_log_streams=1))
-    book.add(Piece("before"))
+    registry = LogBuffer(limits=replace(LIMITS, function_log_streams=1))
+    registry.add(Piece("before"))
     got: list[str] = []
 
     async def follow() -> None:
-        async for lines in book.follow("f", after=0):
+        async for lines in registry.follow("f", after=0):
             got.extend(line.text for line in lines)
 
     task = asyncio.create_task(follow())
     await asyncio.sleep(0)
     with pytest.raises(TooManyError):
-        await anext(book.follow("f"))
-    book.add(Piece("one\ntwo"))
-    book.add(Piece("not mine", function="g"))
+        await anext(registry.follow("f"))
+    registry.add(Piece("one\ntwo"))
+    registry.add(Piece("not mine", function="g"))
     await asyncio.sleep(0)
-    book.add(Piece("three"))
+    registry.add(Piece("three"))
     await asyncio.sleep(0)
-    book.end()
+    registry.end()
     await asyncio.wait_for(task, 10)
     assert got == ["before", "one", "two", "three"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.functions.errors import FunctionInvalidError
-from gateway.functions.topic_arn import parse_topic_arn
+from gateway.automation.functions.errors import FunctionInvalidError
+from gateway.automation.functions.topic_arn import parse_topic_arn
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import boto3
 import pytest
 from moto import mock_aws
 
-from gateway.outbound.aws import AwsDestinations
-from tests.support.quick_boto import read_documents_once
+from gateway.automation.outbound.aws import AwsDestinations
+from tests.support.gateways.quick_boto import read_documents_once
 
 read_documents_once()
 REGION, ACCOUNT = "eu-central-1", "123456789012"

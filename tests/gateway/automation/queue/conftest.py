@@ -1,6 +1,6 @@
 """The queue's worlds: its logic on a file, what gateways share on PostgreSQL, and what asks for `any_world` on both.
 
-The statements themselves are tested on both in tests/gateway/store/test_deliveries.py.
+The statements themselves are tested on both in tests/gateway/store/automation/test_deliveries.py.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.gateway.queue.world import World
-from tests.support.postgres import PostgresServer
+from tests.gateway.automation.queue.world import World
+from tests.support.servers.postgres import PostgresServer
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import random  # noqa: TID251 - seeded
 
 import pytest
 
-from gateway.domain.delivery import DEAD, DONE, WAITING, Dead, Delivery, Done, Policy, Put, Retry
-from gateway.queue.backoff import turn_of, wait_s
+from gateway.automation.queue.backoff import attempt_result, wait_s
+from gateway.domain.automation.delivery import DEAD, DONE, WAITING, Dead, Delivery, Done, Policy, Put, Retry
 
 NOW = 1_700_000_000_000_000_000
 S = 1_000_000_000
@@ -31,28 +31,28 @@ def tried(attempts: int = 0, tries: int = 1, policy: Policy = LAMBDA) -> Deliver
 
 @pytest.mark.parametrize(("attempts", "pause_s"), [(0, 60), (1, 120)])
 def test_a_function_that_failed_waits_its_minutes(attempts: int, pause_s: int) -> None:
-    turn = turn_of(tried(attempts, attempts + 1), Retry("c", "m"), rng=random.Random(1), now_ns=NOW)
-    assert (turn.state, turn.attempts, turn.due_ns) == (WAITING, attempts + 1, NOW + pause_s * S)
+    outcome = attempt_result(tried(attempts, attempts + 1), Retry("c", "m"), rng=random.Random(1), now_ns=NOW)
+    assert (outcome.state, outcome.attempts, outcome.due_ns) == (WAITING, attempts + 1, NOW + pause_s * S)
 
 
 def test_after_its_last_attempt_it_is_dead_of_what_it_failed_by() -> None:
-    turn = turn_of(tried(2, 3), Retry("broken", "why\0not"), rng=random.Random(1), now_ns=NOW)
-    assert (turn.state, turn.attempts, turn.code, turn.message) == (DEAD, 3, "broken", "why\ufffdnot")
+    outcome = attempt_result(tried(2, 3), Retry("broken", "why\0not"), rng=random.Random(1), now_ns=NOW)
+    assert (outcome.state, outcome.attempts, outcome.code, outcome.message) == (DEAD, 3, "broken", "why\ufffdnot")
 
 
 def test_what_does_not_count_is_tried_as_long_as_it_is_young_enough() -> None:
-    turn = turn_of(tried(2, 5000), Retry("throttled", counts=False), rng=random.Random(1), now_ns=NOW)
-    assert (turn.state, turn.attempts) == (WAITING, 2)
-    assert NOW < turn.due_ns <= NOW + 200 * S
-    late = turn_of(tried(), Retry("away", after_s=900.0, counts=False), rng=random.Random(1), now_ns=NOW)
+    outcome = attempt_result(tried(2, 5000), Retry("throttled", counts=False), rng=random.Random(1), now_ns=NOW)
+    assert (outcome.state, outcome.attempts) == (WAITING, 2)
+    assert NOW < outcome.due_ns <= NOW + 200 * S
+    late = attempt_result(tried(), Retry("away", after_s=900.0, counts=False), rng=random.Random(1), now_ns=NOW)
     assert late.due_ns == NOW + 200 * S  # then it is found too old
 
 
 def test_ends_are_ends() -> None:
     follow = Put(kind="k", target="u", payload=b"")
-    done = turn_of(tried(), Done("fine", [follow]), rng=random.Random(1), now_ns=NOW)
+    done = attempt_result(tried(), Done("fine", [follow]), rng=random.Random(1), now_ns=NOW)
     assert (done.state, done.attempts, done.message, done.puts) == (DONE, 0, "fine", [follow])
-    assert turn_of(tried(), Dead("c"), rng=random.Random(1), now_ns=NOW).state == DEAD
+    assert attempt_result(tried(), Dead("c"), rng=random.Random(1), now_ns=NOW).state == DEAD
 
 
 def test_the_pause_is_anywhere_below_a_bound_that_doubles_to_its_most() -> None:

@@ -6,12 +6,12 @@ import asyncio
 import random  # noqa: TID251 - seeded
 from collections import Counter
 
-from gateway.domain.delivery import DeadFilter, Delivery, Done, Policy, Result, Retry, Share
-from tests.gateway.queue.world import Told, World, one
+from gateway.domain.automation.delivery import DeadFilter, Delivery, Done, Policy, Result, Retry, Share
+from tests.gateway.automation.queue.world import Reported, World, one
 
 LIVES = 9
 EACH = 36  # accepted in one life
-SEED = 1  # load_tests/campaign_functions.py draws others
+SEED = 1  # load_tests/campaigns/functions.py draws others
 
 
 async def test_random_deaths_lose_nothing(any_world: World) -> None:
@@ -31,21 +31,21 @@ async def test_random_deaths_lose_nothing(any_world: World) -> None:
     names = "ab" if world.shared else "a"
     policy = Policy(most_attempts=100)
     for life in range(LIVES):
-        told = Told(act=act, at_once=20)
-        desk = await world.desk(told, name=names[life % len(names)], seed=rng.getrandbits(32))
+        reported = Reported(act=act, at_once=20)
+        manager = await world.manager(reported, name=names[life % len(names)], seed=rng.getrandbits(32))
         for _ in range(6):
             number = EACH // 6
-            accepted += await desk.accept([one(str(rng.randrange(7)), policy=policy) for _ in range(number)])
-            await desk.dispatcher.look()
-            await desk.dispatcher.tend()
-            await desk.dispatcher.step()
+            accepted += await manager.accept([one(str(rng.randrange(7)), policy=policy) for _ in range(number)])
+            await manager.dispatcher.scan()
+            await manager.dispatcher.expire()
+            await manager.dispatcher.step()
             for _ in range(rng.randrange(60)):
                 await asyncio.sleep(0)
             world.clock.advance(rng.uniform(0.0, 3.0))
-        outstanding += len(desk.dispatcher.flights)
-        await world.crash(desk)
+        outstanding += len(manager.dispatcher.in_flight)
+        await world.crash(manager)
 
-    last = await world.desk(Told(act=act), name="a", seed=SEED)
+    last = await world.manager(Reported(act=act), name="a", seed=SEED)
     for _ in range(12):
         await world.drive(last)
         world.clock.advance(10.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from gateway.queue.group_commit import GroupCommit
+from gateway.automation.queue.group_commit import GroupCommit
 from tests.support.waiting import wait_until_async
 
 

@@ -8,13 +8,25 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.domain.delivery import DEAD, DONE, Dead, DeadFilter, Delivery, Done, Policy, Put, Result, Retry, Share
+from gateway.domain.automation.delivery import (
+    DEAD,
+    DONE,
+    Dead,
+    DeadFilter,
+    Delivery,
+    Done,
+    Policy,
+    Put,
+    Result,
+    Retry,
+    Share,
+)
 from gateway.domain.errors import QueueFullError
 from gateway.errors import UnstorableError
-from gateway.store import deliveries
+from gateway.store.automation import deliveries
 from metaros.errors import TooLargeError
 from metaros.limits import LIMITS
-from tests.gateway.queue.world import KIND, Told, World, one
+from tests.gateway.automation.queue.world import KIND, Reported, World, one
 from tests.support.waiting import wait_until_async
 
 LAMBDA = Policy(backoff="lambda")
@@ -32,67 +44,67 @@ async def throttled(delivery: Delivery) -> Result:
 
 async def test_everything_accepted_is_delivered_once_and_then_forgotten_but_for_its_dedup(any_world: World) -> None:
     world = any_world
-    told = Told()
-    desk = await world.desk(told)
-    ids = await desk.accept([one("t", b"1", dedup="d", context={"n": 1}), one("u", b"2")])
-    assert await world.drive(desk) == 2
-    assert {item.id: item.put.payload for item in told.begun} == {ids[0]: b"1", ids[1]: b"2"}
-    assert told.begun[0].put.context == {"n": 1}
-    assert await desk.accept([one("t", dedup="d")]) == ids[:1]
-    assert await world.drive(desk) == 0
-    status = await desk.status()
+    reported = Reported()
+    manager = await world.manager(reported)
+    ids = await manager.accept([one("t", b"1", dedup="d", context={"n": 1}), one("u", b"2")])
+    assert await world.drive(manager) == 2
+    assert {item.id: item.put.payload for item in reported.begun} == {ids[0]: b"1", ids[1]: b"2"}
+    assert reported.begun[0].put.context == {"n": 1}
+    assert await manager.accept([one("t", dedup="d")]) == ids[:1]
+    assert await world.drive(manager) == 0
+    status = await manager.status()
     assert (status.totals.live, status.totals.done.rows, status.under_way) == (Share(), 1, 0)
     assert status.counts == {DONE: 2}
-    kept = await desk.delivery(ids[0])
+    kept = await manager.delivery(ids[0])
     assert kept is not None
     assert (kept.state, kept.put.payload) == (DONE, b"")
-    assert await desk.delivery(ids[1]) is None
+    assert await manager.delivery(ids[1]) is None
 
 
 async def test_a_function_that_fails_is_tried_after_one_and_two_minutes_and_is_then_dead(world: World) -> None:
-    told = Told(act=fails)
-    desk = await world.desk(told)
-    (delivery_id,) = await desk.accept([one(policy=LAMBDA)])
+    reported = Reported(act=fails)
+    manager = await world.manager(reported)
+    (delivery_id,) = await manager.accept([one(policy=LAMBDA)])
     tries: list[int] = []
     for second in range(0, 400, 10):
-        tries += [second] * await world.drive(desk)
+        tries += [second] * await world.drive(manager)
         world.clock.advance(10.0)
     assert tries == [0, 60, 180]
-    assert told.ends == [(delivery_id, Dead("Unhandled", "ValueError: no"))]
-    (letter,) = await desk.dead_page(DeadFilter(), limit=9)
+    assert reported.ends == [(delivery_id, Dead("Unhandled", "ValueError: no"))]
+    (letter,) = await manager.dead_page(DeadFilter(), limit=9)
     assert (letter.id, letter.attempts, letter.tries, letter.code) == (delivery_id, 3, 3, "Unhandled")
     assert (await world.totals()).dead.rows == 1
 
 
 async def test_what_is_throttled_is_tried_until_it_is_six_hours_old(world: World) -> None:
-    told = Told(act=throttled)
-    desk = await world.desk(told)
-    (delivery_id,) = await desk.accept([one(policy=LAMBDA)])
+    reported = Reported(act=throttled)
+    manager = await world.manager(reported)
+    (delivery_id,) = await manager.accept([one(policy=LAMBDA)])
     pauses: list[float] = []
     last_s = world.clock.monotonic_s()
     begun_s = last_s
-    while not told.ends:
-        if await world.drive(desk):
+    while not reported.ends:
+        if await world.drive(manager):
             pauses.append(world.clock.monotonic_s() - last_s)
             last_s = world.clock.monotonic_s()
         world.clock.advance(60.0)
-    assert told.ends == [(delivery_id, Dead("too_old", "it was not delivered in time"))]
+    assert reported.ends == [(delivery_id, Dead("too_old", "it was not delivered in time"))]
     assert 6 * 3600 <= world.clock.monotonic_s() - begun_s <= 6 * 3600 + 120
     assert 72 <= len(pauses) < 400  # at most 5 minutes apart
     assert max(pauses) <= 360.0
-    (letter,) = await desk.dead_page(DeadFilter(), limit=9)
+    (letter,) = await manager.dead_page(DeadFilter(), limit=9)
     assert (letter.code, letter.attempts) == ("too_old", 0)
 
 
 async def test_what_nobody_handles_is_given_up_when_it_is_too_old(world: World) -> None:
-    desk = await world.desk(Told())
-    await desk.accept([Put(kind="nobody", target="t", payload=b"", policy=Policy(most_age_s=60.0))])
+    manager = await world.manager(Reported())
+    await manager.accept([Put(kind="nobody", target="t", payload=b"", policy=Policy(most_age_s=60.0))])
     world.clock.advance(59.0)
-    assert await world.drive(desk) == 0
+    assert await world.drive(manager) == 0
     assert (await world.totals()).live.rows == 1
     world.clock.advance(1.0)
-    await world.drive(desk)
-    assert [item.code for item in await desk.dead_page(DeadFilter(), limit=9)] == ["too_old"]
+    await world.drive(manager)
+    assert [item.code for item in await manager.dead_page(DeadFilter(), limit=9)] == ["too_old"]
 
 
 async def test_what_follows_from_an_end_is_put_with_it(world: World) -> None:
@@ -102,15 +114,15 @@ async def test_what_follows_from_an_end_is_put_with_it(world: World) -> None:
     def follow(delivery: Delivery, result: Done | Dead) -> Sequence[Put]:
         return [one("letters", delivery.put.payload, dedup=delivery.id)] if isinstance(result, Dead) else ()
 
-    told = Told(act=act, follow=follow)
-    desk = await world.desk(told, limits=replace(LIMITS, queue_rows=2))
-    await desk.accept([one("a", b"good"), one("a", b"bad")])
-    await desk.dispatcher.step()
-    await desk.dispatcher.flights.empty(timeout_s=30.0)
-    told.act = Told().act
-    told.follow = lambda delivery, result: ()
-    await world.drive(desk)
-    assert sorted((item.put.target, item.put.payload) for item in told.begun[2:]) == [
+    reported = Reported(act=act, follow=follow)
+    manager = await world.manager(reported, limits=replace(LIMITS, queue_rows=2))
+    await manager.accept([one("a", b"good"), one("a", b"bad")])
+    await manager.dispatcher.step()
+    await manager.dispatcher.in_flight.empty(timeout_s=30.0)
+    reported.act = Reported().act
+    reported.follow = lambda delivery, result: ()
+    await world.drive(manager)
+    assert sorted((item.put.target, item.put.payload) for item in reported.begun[2:]) == [
         ("letters", b"bad"),
         ("next", b"good"),
     ]
@@ -133,25 +145,25 @@ async def test_a_handler_that_raises_or_hangs_fails_that_delivery_and_no_other(w
                 raise asyncio.CancelledError
         return Done()
 
-    told = Told(act=act, longest_s=0.05)
-    desk = await world.desk(told)
+    reported = Reported(act=act, longest_s=0.05)
+    manager = await world.manager(reported)
     once = Policy(most_attempts=1)
-    await desk.accept([one(payload=name, policy=once) for name in (b"raise", b"hang", b"cancel", b"fine")])
-    await desk.dispatcher.look()
-    assert await desk.dispatcher.step() == 4
-    await wait_until_async(lambda: not len(desk.dispatcher.flights))
-    letters = sorted((item.code, item.message) for item in await desk.dead_page(DeadFilter(), limit=9))
+    await manager.accept([one(payload=name, policy=once) for name in (b"raise", b"hang", b"cancel", b"fine")])
+    await manager.dispatcher.scan()
+    assert await manager.dispatcher.step() == 4
+    await wait_until_async(lambda: not len(manager.dispatcher.in_flight))
+    letters = sorted((item.code, item.message) for item in await manager.dead_page(DeadFilter(), limit=9))
     assert letters == [
         ("handler_failed", "LookupError: mine"),
         ("handler_failed", "the handler cancelled itself"),
         ("timeout", "the handler took too long"),
     ]
     assert (await world.totals()).dead.rows == 3
-    assert desk.dispatcher.counts == {DEAD: 3, DONE: 1}
+    assert manager.dispatcher.counts == {DEAD: 3, DONE: 1}
     stuck.set()
 
 
-class Wrong(Told):
+class Wrong(Reported):
     """Raises where nobody expects it."""
 
     def room(self, target: str | None = None) -> int:
@@ -166,16 +178,16 @@ class Wrong(Told):
 
 
 async def test_a_handler_that_is_wrong_about_itself_stops_nobody_else(world: World) -> None:
-    told = Told()
-    desk = await world.desk(told)
-    desk.handle("wrong", Wrong())
+    reported = Reported()
+    manager = await world.manager(reported)
+    manager.handle("wrong", Wrong())
     once = Policy(most_attempts=1)
-    await desk.accept([Put(kind="wrong", target="time", payload=b"", policy=once), one()])
-    await world.drive(desk)
-    assert [item.code for item in await desk.dead_page(DeadFilter(), limit=9)] == ["handler_failed"]
-    await desk.accept([Put(kind="wrong", target="room", payload=b""), one()])
-    await world.drive(desk)
-    assert len(told.begun) == 2
+    await manager.accept([Put(kind="wrong", target="time", payload=b"", policy=once), one()])
+    await world.drive(manager)
+    assert [item.code for item in await manager.dead_page(DeadFilter(), limit=9)] == ["handler_failed"]
+    await manager.accept([Put(kind="wrong", target="room", payload=b""), one()])
+    await world.drive(manager)
+    assert len(reported.begun) == 2
     assert (await world.totals()).live.rows == 1
 
 
@@ -187,21 +199,21 @@ async def test_what_ends_its_gateway_each_time_is_dead_in_the_end(world: World) 
         return Done()
 
     limits = replace(LIMITS, delivery_losses=3)
-    told = Told(act=act)
+    reported = Reported(act=act)
     for life in range(3):
-        desk = await world.desk(told, limits=limits, seed=life)
+        manager = await world.manager(reported, limits=limits, seed=life)
         if not life:
-            await desk.accept([one()])
-        await desk.dispatcher.look()
-        assert await desk.dispatcher.step() == 1
-        await wait_until_async(lambda life=life: len(told.begun) == life + 1)
-        await world.crash(desk)
-    desk = await world.desk(told, limits=limits)
-    await desk.dispatcher.look()
-    await desk.dispatcher.step()
-    await desk.dispatcher.flights.empty(timeout_s=30.0)
-    (letter,) = await desk.dead_page(DeadFilter(), limit=9)
-    assert (letter.code, letter.tries, len(told.begun)) == ("lost", 4, 3)
+            await manager.accept([one()])
+        await manager.dispatcher.scan()
+        assert await manager.dispatcher.step() == 1
+        await wait_until_async(lambda life=life: len(reported.begun) == life + 1)
+        await world.crash(manager)
+    manager = await world.manager(reported, limits=limits)
+    await manager.dispatcher.scan()
+    await manager.dispatcher.step()
+    await manager.dispatcher.in_flight.empty(timeout_s=30.0)
+    (letter,) = await manager.dead_page(DeadFilter(), limit=9)
+    assert (letter.code, letter.tries, len(reported.begun)) == ("lost", 4, 3)
 
 
 async def test_a_silent_gateways_leases_are_taken_when_they_end_and_its_late_results_are_nothing(
@@ -214,9 +226,9 @@ async def test_a_silent_gateways_leases_are_taken_when_they_end_and_its_late_res
         await go.wait()
         return Done(puts=[one("follow")])
 
-    late, quick = Told(act=slow), Told()
-    first = await world.desk(late, name="a")
-    second = await world.desk(quick, name="b")
+    late, quick = Reported(act=slow), Reported()
+    first = await world.manager(late, name="a")
+    second = await world.manager(quick, name="b")
     await first.accept([one()])
     await first.dispatcher.step()
     world.clock.advance(20.0)
@@ -227,7 +239,7 @@ async def test_a_silent_gateways_leases_are_taken_when_they_end_and_its_late_res
     assert await world.drive(second) == 1
     assert quick.begun[0].losses == 1
     go.set()
-    await first.dispatcher.flights.empty(timeout_s=30.0)
+    await first.dispatcher.in_flight.empty(timeout_s=30.0)
     assert first.dispatcher.counts == {}
     assert await world.drive(second) == 0
     assert (await world.totals()).live == Share()
@@ -235,33 +247,33 @@ async def test_a_silent_gateways_leases_are_taken_when_they_end_and_its_late_res
 
 async def test_two_gateways_share_the_work_and_deliver_each_once(shared_world: World) -> None:
     world = shared_world
-    tolds = [Told(at_once=7), Told(at_once=7)]
-    desks = [await world.desk(told, name=name) for told, name in zip(tolds, "ab", strict=True)]
-    runs = [asyncio.create_task(desk.run()) for desk in desks]
+    reports = [Reported(at_once=7), Reported(at_once=7)]
+    managers = [await world.manager(reported, name=name) for reported, name in zip(reports, "ab", strict=True)]
+    runs = [asyncio.create_task(manager.run()) for manager in managers]
     ids: list[str] = []
     for start in range(0, 300, 20):
-        ids += await desks[start % 40 // 20].accept([one(str(number % 5)) for number in range(start, start + 20)])
-    await wait_until_async(lambda: sum(len(told.begun) for told in tolds) >= 300)
+        ids += await managers[start % 40 // 20].accept([one(str(number % 5)) for number in range(start, start + 20)])
+    await wait_until_async(lambda: sum(len(reported.begun) for reported in reports) >= 300)
     for run in runs:
         run.cancel()
     await asyncio.gather(*runs, return_exceptions=True)
-    for desk in desks:
-        await desk.close()
-    assert sorted(item.id for told in tolds for item in told.begun) == sorted(ids)
-    assert all(told.begun for told in tolds)
+    for manager in managers:
+        await manager.close()
+    assert sorted(item.id for reported in reports for item in reported.begun) == sorted(ids)
+    assert all(reported.begun for reported in reports)
     assert (await world.totals()).live == Share()
 
 
 async def test_a_target_with_a_long_backlog_does_not_hold_up_the_others(world: World) -> None:
-    told = Told(at_once=8)
-    desk = await world.desk(told)
-    await desk.accept([one("big") for _ in range(400)])
-    await desk.accept([one(f"small{number}") for number in range(20)])
-    await world.drive(desk)
-    served = [place for place, item in enumerate(told.begun) if item.put.target != "big"]
-    assert len(told.begun) == 420
+    reported = Reported(at_once=8)
+    manager = await world.manager(reported)
+    await manager.accept([one("big") for _ in range(400)])
+    await manager.accept([one(f"small{number}") for number in range(20)])
+    await world.drive(manager)
+    served = [place for place, item in enumerate(reported.begun) if item.put.target != "big"]
+    assert len(reported.begun) == 420
     assert served[-1] < 100
-    assert told.most_under_way <= 8
+    assert reported.most_under_way <= 8
 
 
 async def test_no_more_of_a_target_are_under_way_than_it_has_room_for(world: World) -> None:
@@ -271,20 +283,20 @@ async def test_no_more_of_a_target_are_under_way_than_it_has_room_for(world: Wor
         await gate.wait()
         return Done()
 
-    told = Told(act=act, of_target=2)
-    desk = await world.desk(told)
-    await desk.accept([*(one("a") for _ in range(9)), *(one("b") for _ in range(9))])
+    reported = Reported(act=act, of_target=2)
+    manager = await world.manager(reported)
+    await manager.accept([*(one("a") for _ in range(9)), *(one("b") for _ in range(9))])
     for _ in range(3):
-        await desk.dispatcher.step()
-    await wait_until_async(lambda: len(told.under_way) == 4)
-    assert sorted(told.under_way) == ["a", "a", "b", "b"]
+        await manager.dispatcher.step()
+    await wait_until_async(lambda: len(reported.under_way) == 4)
+    assert sorted(reported.under_way) == ["a", "a", "b", "b"]
     gate.set()
-    await desk.dispatcher.flights.empty(timeout_s=30.0)
-    await world.drive(desk)
-    assert len(told.begun) == 18
+    await manager.dispatcher.in_flight.empty(timeout_s=30.0)
+    await world.drive(manager)
+    assert len(reported.begun) == 18
 
 
-class Batches(Told):
+class Batches(Reported):
     """Takes seven at a time, and says of odd payloads that they failed."""
 
     def batch(self, target: str) -> int:
@@ -306,97 +318,97 @@ class Batches(Told):
 
 
 async def test_batches_are_of_one_target_with_a_result_for_each(world: World) -> None:
-    told = Batches()
-    told.sizes = []
-    desk = await world.desk(told)
-    await desk.accept([one("t" if number < 16 else "u", b"%d" % number) for number in range(20)])
-    assert await world.drive(desk) == 20
-    assert sorted(told.sizes) == [2, 4, 7, 7]
-    assert desk.dispatcher.counts == {DONE: 10, "waiting": 10}
-    told.short = True
+    reported = Batches()
+    reported.sizes = []
+    manager = await world.manager(reported)
+    await manager.accept([one("t" if number < 16 else "u", b"%d" % number) for number in range(20)])
+    assert await world.drive(manager) == 20
+    assert sorted(reported.sizes) == [2, 4, 7, 7]
+    assert manager.dispatcher.counts == {DONE: 10, "waiting": 10}
+    reported.short = True
     world.clock.advance(10.0)
-    await desk.dispatcher.look()
-    await desk.dispatcher.step()
-    await desk.dispatcher.flights.empty(timeout_s=30.0)
-    assert desk.dispatcher.counts[DONE] == 10  # fewer answers than deliveries: all of that batch failed
+    await manager.dispatcher.scan()
+    await manager.dispatcher.step()
+    await manager.dispatcher.in_flight.empty(timeout_s=30.0)
+    assert manager.dispatcher.counts[DONE] == 10  # fewer answers than deliveries: all of that batch failed
 
 
 async def test_a_full_queue_refuses_and_what_waits_is_delivered(world: World) -> None:
-    told = Told()
-    desk = await world.desk(told, limits=replace(LIMITS, queue_rows=5))
+    reported = Reported()
+    manager = await world.manager(reported, limits=replace(LIMITS, queue_rows=5))
     answers = await asyncio.gather(
-        *(desk.accept([one(), one()]) for _ in range(4)),
-        desk.accept([one(payload=bytes(LIMITS.delivery_bytes))]),
+        *(manager.accept([one(), one()]) for _ in range(4)),
+        manager.accept([one(payload=bytes(LIMITS.delivery_bytes))]),
         return_exceptions=True,
     )
     assert sorted(type(answer).__name__ for answer in answers) == [
         "QueueFullError", "QueueFullError", "TooLargeError", "list", "list",
     ]  # fmt: skip
-    assert await world.drive(desk) == 4
-    assert len(await desk.accept([one()])) == 1
+    assert await world.drive(manager) == 4
+    assert len(await manager.accept([one()])) == 1
     with pytest.raises(QueueFullError, match="queue_rows"):
-        await desk.accept([one() for _ in range(5)])
+        await manager.accept([one() for _ in range(5)])
     with pytest.raises(TooLargeError, match="delivery_bytes"):
-        await desk.accept([one(payload=bytes(LIMITS.delivery_bytes))])
+        await manager.accept([one(payload=bytes(LIMITS.delivery_bytes))])
 
 
 async def test_what_no_database_takes_is_its_callers_trouble_only(shared_world: World) -> None:
     world = shared_world
-    desk = await world.desk(Told())
-    answers = await asyncio.gather(desk.accept([one()]), desk.accept([one("a\0b")]), return_exceptions=True)
+    manager = await world.manager(Reported())
+    answers = await asyncio.gather(manager.accept([one()]), manager.accept([one("a\0b")]), return_exceptions=True)
     assert [type(answer) for answer in answers] == [list, UnstorableError]
-    assert await world.drive(desk) == 1
+    assert await world.drive(manager) == 1
 
 
 async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_time(
     any_world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.queue.desk.PAGE", 50)
+    monkeypatch.setattr("gateway.automation.queue.manager.PAGE", 50)
     world = any_world
 
     async def act(delivery: Delivery) -> Result:
         return Dead("bad") if delivery.put.target == "bad" else Done()
 
-    told = Told(act=act)
-    desk = await world.desk(told)
-    ids = await desk.accept([one("bad", str(number).encode()) for number in range(120)])
-    await world.drive(desk)
+    reported = Reported(act=act)
+    manager = await world.manager(reported)
+    ids = await manager.accept([one("bad", str(number).encode()) for number in range(120)])
+    await world.drive(manager)
     assert (await world.totals()).dead.rows == 120
-    assert await desk.redrive(DeadFilter(ids=tuple(ids[:3]))) == 3
-    assert await desk.redrive(DeadFilter(target="none")) == 0
-    assert await desk.redrive(DeadFilter(), most=70) == 70
-    assert await desk.drop_dead(DeadFilter(), most=9) == 9
-    told.act = Told().act
-    told.begun.clear()
-    await world.drive(desk)
-    assert len(told.begun) == 73
-    assert {item.redrives for item in told.begun} == {1}
+    assert await manager.redrive(DeadFilter(ids=tuple(ids[:3]))) == 3
+    assert await manager.redrive(DeadFilter(target="none")) == 0
+    assert await manager.redrive(DeadFilter(), most=70) == 70
+    assert await manager.drop_dead(DeadFilter(), most=9) == 9
+    reported.act = Reported().act
+    reported.begun.clear()
+    await world.drive(manager)
+    assert len(reported.begun) == 73
+    assert {item.redrives for item in reported.begun} == {1}
     assert (await world.totals()).dead.rows == 120 - 73 - 9
-    assert await desk.redrive(DeadFilter()) == 38
-    await world.drive(desk)
+    assert await manager.redrive(DeadFilter()) == 38
+    await world.drive(manager)
     assert await world.counted() == {}
 
 
 async def test_what_others_put_is_found_and_what_is_put_here_is_delivered_at_once(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.queue.dispatcher.POLL_S", 0.05)
-    told = Told()
-    desk = await world.desk(told)
-    run = asyncio.create_task(desk.run())
+    monkeypatch.setattr("gateway.automation.queue.dispatcher.POLL_S", 0.05)
+    reported = Reported()
+    manager = await world.manager(reported)
+    run = asyncio.create_task(manager.run())
 
     def job(engine: object) -> None:
         deliveries.put(engine, [one("noted")], gateway="x", now_ns=world.clock.wall_ns())  # type: ignore[arg-type]
-        desk.noted([one("noted")])
+        manager.notify([one("noted")])
 
     await world.store().run(job)
-    await wait_until_async(lambda: len(told.begun) == 1)
+    await wait_until_async(lambda: len(reported.begun) == 1)
 
     def silently(engine: object) -> None:
         deliveries.put(engine, [one("silent")], gateway="x", now_ns=world.clock.wall_ns())  # type: ignore[arg-type]
 
     await world.store().run(silently)
-    await wait_until_async(lambda: len(told.begun) == 2)
+    await wait_until_async(lambda: len(reported.begun) == 2)
     run.cancel()
     await asyncio.gather(run, return_exceptions=True)
 
@@ -408,15 +420,15 @@ async def test_closing_waits_for_what_is_under_way_and_gives_the_rest_back_unhar
         await (gate if delivery.put.payload == b"quick" else never).wait()
         return Done()
 
-    told = Told(act=act)
-    desk = await world.desk(told)
-    await desk.accept([one(payload=b"quick"), one(payload=b"slow")])
-    await desk.dispatcher.step()
-    closing = asyncio.create_task(desk.close(timeout_s=0.2))
+    reported = Reported(act=act)
+    manager = await world.manager(reported)
+    await manager.accept([one(payload=b"quick"), one(payload=b"slow")])
+    await manager.dispatcher.step()
+    closing = asyncio.create_task(manager.close(timeout_s=0.2))
     gate.set()
     await closing
-    again = Told()
-    later = await world.desk(again, seed=2)
+    again = Reported()
+    later = await world.manager(again, seed=2)
     assert await world.drive(later) == 1
     assert [(item.put.payload, item.losses, item.tries) for item in again.begun] == [(b"slow", 0, 2)]
     assert again.begun[0].put.kind == KIND

@@ -8,15 +8,15 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Totals
-from gateway.queue.desk import QueueDesk
+from gateway.automation.queue.manager import QueueManager
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result, Totals
 from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS, Limits
-from tests.support.sqlite_store import place_store
+from tests.support.servers.sqlite_store import place_store
 
-__all__ = ["Told", "World", "one"]
+__all__ = ["Reported", "World", "one"]
 
 KIND = "function"
 
@@ -31,7 +31,7 @@ async def _done(delivery: Delivery) -> Result:
 
 
 @dataclass(slots=True)
-class Told:
+class Reported:
     """A handler: `act` is what it does, `follow` what it puts as a delivery ends."""
 
     act: Callable[[Delivery], Awaitable[Result]] = _done
@@ -78,7 +78,7 @@ class World:
         self.folder, self.url = folder, url
         self.shared = bool(url)
         self._stores: dict[str, Store] = {}
-        self._desks: list[QueueDesk] = []
+        self._managers: list[QueueManager] = []
 
     def store(self, name: str = "a") -> Store:
         """A gateway's store; by another name another gateway's, where the database can be shared."""
@@ -91,30 +91,32 @@ class World:
             self._stores[name] = store
         return self._stores[name]
 
-    async def desk(self, handler: Told, *, name: str = "a", seed: int = 1, limits: Limits = LIMITS) -> QueueDesk:
+    async def manager(
+        self, handler: Reported, *, name: str = "a", seed: int = 1, limits: Limits = LIMITS
+    ) -> QueueManager:
         """A life of a gateway."""
-        desk = QueueDesk(self.store(name), clock=self.clock, rng=random.Random(seed), limits=limits)
-        desk.handle(KIND, handler)
-        await desk.start()
-        self._desks.append(desk)
-        return desk
+        manager = QueueManager(self.store(name), clock=self.clock, rng=random.Random(seed), limits=limits)
+        manager.handle(KIND, handler)
+        await manager.start()
+        self._managers.append(manager)
+        return manager
 
-    async def drive(self, desk: QueueDesk) -> int:
+    async def drive(self, manager: QueueManager) -> int:
         """Deliver what is due now, and what follows from it; how many tries."""
         tries = 0
         while True:
-            await desk.dispatcher.look()
-            await desk.dispatcher.tend()
-            begun = await desk.dispatcher.step()
-            await desk.dispatcher.flights.empty(timeout_s=30.0)
+            await manager.dispatcher.scan()
+            await manager.dispatcher.expire()
+            begun = await manager.dispatcher.step()
+            await manager.dispatcher.in_flight.empty(timeout_s=30.0)
             if not begun:
                 return tries
             tries += begun
 
-    async def crash(self, desk: QueueDesk) -> None:
+    async def crash(self, manager: QueueManager) -> None:
         """End a life without a word: whatever it has leased stays leased."""
-        self._desks.remove(desk)
-        await desk.dispatcher.flights.abort()
+        self._managers.remove(manager)
+        await manager.dispatcher.in_flight.abort()
 
     async def totals(self) -> Totals:
         """What the store counted."""
@@ -131,9 +133,9 @@ class World:
 
     async def close(self) -> None:
         """End all of it."""
-        for desk in self._desks:
-            await desk.close(timeout_s=0.0)
+        for manager in self._managers:
+            await manager.close(timeout_s=0.0)
         await asyncio.gather(*(store.close() for store in self._stores.values()))
 
-    def _any(self) -> QueueDesk:
-        return self._desks[-1]
+    def _any(self) -> QueueManager:
+        return self._managers[-1]

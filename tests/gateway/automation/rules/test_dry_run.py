@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.rule import Maker
-from gateway.rules.document import read_rule
-from gateway.rules.dry_run import DryRun
-from tests.gateway.rules.world import ADMIN, LAB, S, World, channel, open_world, rule
-from tests.support.databases import on_both
+from gateway.automation.rules.document import read_rule
+from gateway.automation.rules.dry_run import DryRun
+from gateway.domain.automation.rule import Maker
+from tests.gateway.automation.rules.world import ADMIN, LAB, S, World, channel, open_world, rule
+from tests.support.servers.databases import on_both
 
 
 async def tried(world: World, maker: Any = ADMIN, **fields: Any) -> DryRun:
@@ -32,7 +32,7 @@ async def test_of_the_journal_with_a_memory(tmp_path: Path, store_url: str) -> N
         done = await tried(world, pattern=offline, until=online, when={"for": "60s"})
         assert (done.scanned, done.matched, done.fired, done.cut) == (4, 2, 1, False), done
         (firing,) = done.firings
-        assert (firing.robot, firing.happening, firing.payloads[0][:2]) == ("r1", "e-1", ("call", "function"))
+        assert (firing.robot, firing.event_id, firing.payloads[0][:2]) == ("r1", "e-1", ("call", "function"))
         assert (await tried(world, LAB, pattern=offline)).matched == 0
         assert await world.fired() == 0
 
@@ -51,7 +51,7 @@ async def test_of_messages(tmp_path: Path) -> None:
         await world.messages(channel(), {"data": "hello"}, {"data": "help"}, {"data": "help again"})
         pattern = {"detail": {"message": {"data": [{"prefix": "help"}]}}}
         done = await tried(world, topic={"topic": "chatter"}, pattern=pattern)
-        assert (done.scanned, [one.happening for one in done.firings]) == (3, ["r1/1/7/2", "r1/1/7/3"])
+        assert (done.scanned, [one.event_id for one in done.firings]) == (3, ["r1/1/7/2", "r1/1/7/3"])
 
 
 async def test_of_a_schedule(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from metaros.clock import ManualClock
-from tests.gateway.rules.world import LAB, NOW, S, channel, open_world, rule
-from tests.support.databases import on_both
+from tests.gateway.automation.rules.world import LAB, NOW, S, channel, open_world, rule
+from tests.support.servers.databases import on_both
 
 OFFLINE = {"detail-type": ["metaros.robot.offline"]}
 LOW: dict[str, Any] = {"series": "battery_state.percentage", "below": 0.2}
@@ -31,7 +31,7 @@ async def test_an_event_of_the_journal_sets_off_a_function(tmp_path: Path, store
             {"robot": "r1"},
         )
         assert event["resources"] == ["arn:metaros:robot:r1"]
-        stats, groups = (await world.rules.book.stats())["one"]
+        stats, groups = (await world.rules.registry.stats())["one"]
         assert (stats.matched, stats.fired, stats.errors, groups) == (1, 1, 0, 0)
 
 
@@ -111,7 +111,7 @@ async def test_a_rules_mistake_ends_nothing_and_is_counted(tmp_path: Path, store
         await world.put(rule("good", pattern=OFFLINE))
         await world.emit("robot.offline")
         assert await world.fired() == 1
-        stats = (await world.rules.book.stats())["bad"][0]
+        stats = (await world.rules.registry.stats())["bad"][0]
         assert (stats.errors, "recording.stored" in stats.error) == (1, True)
 
 
@@ -123,7 +123,7 @@ async def test_a_rule_that_changes_forgets_and_one_that_is_off_is_silent(tmp_pat
         await world.step(11)
         assert await world.fired() == 0
         await world.emit("robot.offline")
-        await world.rules.book.enable("one", False, by="ada")
+        await world.rules.registry.enable("one", False, by="ada")
         await world.step(30)
         await world.emit("robot.offline")
         assert await world.fired() == 0
@@ -169,7 +169,7 @@ async def test_a_rule_has_so_many_groups_and_no_more(tmp_path: Path) -> None:
         await world.put(rule(pattern=OFFLINE, when={"for": "10s"}))
         for robot in ("r1", "r2", "r3"):
             await world.emit("robot.offline", robot)
-        stats, groups = (await world.rules.book.stats())["one"]
+        stats, groups = (await world.rules.registry.stats())["one"]
         assert (stats.errors, stats.error, groups) == (1, "it has 2 groups already", 2)
         await world.step(11)
         assert {one["robot"] for one in await world.deliveries()} == {"r1", "r2"}
@@ -196,7 +196,7 @@ async def test_rules_of_two_gateways_remember_together(tmp_path: Path, store_url
         open_world(tmp_path, url=store_url, name="b") as two,
     ):
         await one.put(rule(pattern=OFFLINE, when={"rate": {"count": 4, "within": "60s"}}))
-        await two.rules.book.look()
+        await two.rules.registry.refresh()
         await asyncio.gather(*(world.emit("robot.offline") for world in (one, two)))
         await asyncio.gather(*(world.emit("robot.offline") for world in (one, two)))
         assert await one.fired() == 1

@@ -9,16 +9,16 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.happening import Happening
-from gateway.domain.rule import Maker
-from gateway.domain.shapes import SHAPES, cloudevent, http_v2, kinesis, s3, sqs
-from gateway.rules.document import read_rule
-from gateway.rules.errors import RuleInvalidError
-from gateway.rules.transform import RenderedTooLargeError, parse_transform
-from tests.gateway.rules.world import ADMIN, LAB, NOW, rule
+from gateway.automation.rules.document import read_rule
+from gateway.automation.rules.errors import RuleInvalidError
+from gateway.automation.rules.transform import RenderedTooLargeError, parse_transform
+from gateway.domain.automation.gateway_event import GatewayEvent
+from gateway.domain.automation.rule import Maker
+from gateway.domain.automation.shapes import SHAPES, cloudevent, http_v2, kinesis, s3, sqs
+from tests.gateway.automation.rules.world import ADMIN, LAB, NOW, rule
 
 EVENT: dict[str, Any] = {"detail": {"robot": 'r"1', "value": 0.5, "list": [{"a b": True}], "none": None}}
-STORED = Happening(
+STORED = GatewayEvent(
     id="e-7",
     type="metaros.recording.stored",
     source="metaros",
@@ -95,7 +95,7 @@ def test_shapes_are_those_of_aws() -> None:
     assert orjson.loads(base64.b64decode(item["data"]))["detail"]["recording"] == "01J"
     assert (item["sequenceNumber"], item["partitionKey"]) == ("e-7", "r1")
     assert cloudevent(STORED)["subject"] == "r1"
-    hook = Happening(id="m", type="metaros.webhook", source="x", at_ns=NOW, data={"hook": "git", "body": {"a": 1}})
+    hook = GatewayEvent(id="m", type="metaros.webhook", source="x", at_ns=NOW, data={"hook": "git", "body": {"a": 1}})
     assert (http_v2(hook)["rawPath"], http_v2(hook)["body"]) == ("/api/v1/hooks/git", '{"a":1}')
 
 

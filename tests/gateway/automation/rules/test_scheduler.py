@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
+from gateway.automation.rules import scheduler
+from gateway.automation.rules.document import read_rule
+from gateway.automation.rules.scheduler import RuleScheduler, missed
 from gateway.errors import StoreError
-from gateway.rules import clockwork
-from gateway.rules.clockwork import Clockwork, missed
-from gateway.rules.document import read_rule
 from metaros.clock import ManualClock
-from tests.gateway.rules.world import ADMIN, NOW, S, World, open_world, rule
-from tests.support.databases import on_both
+from tests.gateway.automation.rules.world import ADMIN, NOW, S, World, open_world, rule
+from tests.support.servers.databases import on_both
 
 HOUR = 3600
 
@@ -56,7 +56,7 @@ async def test_what_nobody_was_there_for(tmp_path: Path, misfire: str, count: in
         assert await world.fired() == count
         await world.step(HOUR)
         assert await world.fired() >= count  # and goes on
-        fire = (await world.rules.clockwork.next_fires())["one"]
+        fire = (await world.rules.scheduler.next_fires())["one"]
         assert clock.wall_ns() < fire.next_ns <= clock.wall_ns() + HOUR * S
 
 
@@ -68,10 +68,10 @@ async def test_of_two_gateways_one_fires(tmp_path: Path, store_url: str) -> None
         open_world(tmp_path, url=store_url, clock=clock, name="b") as two,
     ):
         await one.put(at())
-        await two.rules.book.look()
+        await two.rules.registry.refresh()
         await asyncio.gather(one.step(0), two.step(0))
-        assert [one.rules.clockwork.on_duty, two.rules.clockwork.on_duty].count(True) == 1
-        fire = (await one.rules.clockwork.next_fires())["one"]
+        assert [one.rules.scheduler.on_duty, two.rules.scheduler.on_duty].count(True) == 1
+        fire = (await one.rules.scheduler.next_fires())["one"]
         clock.advance((fire.next_ns - clock.wall_ns()) / S + 1)
         await asyncio.gather(one.step(0), two.step(0))
         assert await one.fired() == 1
@@ -83,17 +83,17 @@ async def test_who_lost_its_duty_without_knowing_fires_nothing_twice(
 ) -> None:
     """A gateway that stood still may believe to be on duty while another one is: both fire, and once."""
 
-    async def on_duty(clockwork: Clockwork) -> bool:
+    async def on_duty(scheduler: RuleScheduler) -> bool:
         return True
 
-    monkeypatch.setattr(Clockwork, "_take_duty", on_duty)
+    monkeypatch.setattr(RuleScheduler, "_take_duty", on_duty)
     clock = ManualClock(wall_ns=NOW)
     async with (
         open_world(tmp_path, url=store_url, clock=clock, name="a") as one,
         open_world(tmp_path, url=store_url, clock=clock, name="b") as two,
     ):
         await one.put(at(expression="rate(1 minute)"))
-        await two.rules.book.look()
+        await two.rules.registry.refresh()
         await asyncio.gather(one.step(0), two.step(0))
         for _ in range(10):
             clock.advance(60)
@@ -109,11 +109,11 @@ async def test_another_gateways_rule_is_gone_by_here_too(tmp_path: Path, store_u
         open_world(tmp_path, url=store_url, name="b") as two,
     ):
         await one.put(rule(pattern={"detail-type": ["metaros.robot.offline"]}))
-        await two.rules.book.look()
+        await two.rules.registry.refresh()
         await two.emit("robot.offline")
         assert await one.fired() == 1
-        await one.rules.book.remove("one", by="ada")
-        await two.rules.book.look()
+        await one.rules.registry.remove("one", by="ada")
+        await two.rules.registry.refresh()
         await two.emit("robot.offline")
         assert await one.fired() == 1
 
@@ -125,10 +125,10 @@ async def test_a_schedule_that_is_changed_or_off_does_not_fire_at_its_old_times(
         await world.put(at(expression="rate(1 day)"))
         await world.step(2 * HOUR)
         assert await world.fired() == 0
-        await world.rules.book.enable("one", False, by="ada")
+        await world.rules.registry.enable("one", False, by="ada")
         await world.step(48 * HOUR)
         assert await world.fired() == 0
-        await world.rules.book.remove("one", by="ada")
+        await world.rules.registry.remove("one", by="ada")
         await world.step(48 * HOUR)
         assert await world.fired() == 0
 
@@ -152,10 +152,10 @@ async def test_while_the_store_is_away_schedules_wait(
             twice.set()
             return False
 
-    monkeypatch.setattr(clockwork, "LOOK_S", 0.0)
-    caplog.set_level(logging.DEBUG, "gateway.rules.clockwork")
+    monkeypatch.setattr(scheduler, "LOOK_S", 0.0)
+    caplog.set_level(logging.DEBUG, "gateway.automation.rules.scheduler")
     database: Any = Away()
-    made = Clockwork(database, SimpleNamespace(listeners=[]), None, clock=ManualClock(wall_ns=NOW))  # type: ignore[arg-type]
+    made = RuleScheduler(database, SimpleNamespace(listeners=[]), None, clock=ManualClock(wall_ns=NOW))  # type: ignore[arg-type]
     task = asyncio.create_task(made.run())
     async with asyncio.timeout(60):
         await twice.wait()
@@ -176,6 +176,6 @@ def test_years_of_minutes_are_passed_in_one_step() -> None:
 
 
 def _maker() -> Any:
-    from gateway.domain.rule import Maker
+    from gateway.domain.automation.rule import Maker
 
     return Maker.of(ADMIN)

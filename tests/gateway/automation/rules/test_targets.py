@@ -11,19 +11,19 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.command import DONE, ISSUED, Command
-from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Retry
+from gateway.automation.outbound.webhook import signature, signing_key
+from gateway.automation.rules.secrets import Secrets, target_owner
+from gateway.automation.rules.targets.alert import AlertTarget
+from gateway.automation.rules.targets.aws import AwsTarget, MakeClient, aws_client
+from gateway.automation.rules.targets.command import CommandTarget, PublishTarget
+from gateway.automation.rules.targets.webhook import WebhookTarget
+from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result, Retry
+from gateway.domain.fleet.command import DONE, ISSUED, Command
 from gateway.domain.principal import Principal
 from gateway.errors import LeaseRequiredError
-from gateway.outbound.webhook import signature, signing_key
-from gateway.rules.secrets import Secrets, target_owner
-from gateway.rules.targets.alert import AlertTarget
-from gateway.rules.targets.aws import AwsTarget, MakeClient, aws_client
-from gateway.rules.targets.command import CommandTarget, PublishTarget
-from gateway.rules.targets.webhook import WebhookTarget
 from metaros.clock import ManualClock
-from tests.gateway.rules.world import NOW, open_world
-from tests.support.receivers import http_receiver
+from tests.gateway.automation.rules.world import NOW, open_world
+from tests.support.servers.receivers import http_receiver
 
 MAKER = {"kind": "user", "id": "u1", "name": "ada", "role": "admin", "robots": ["*"]}
 EVENT = {"source": "metaros", "detail-type": "metaros.robot.offline", "resources": [], "detail": {"robot": "r1"}}
@@ -165,25 +165,25 @@ async def test_a_robot_out_of_the_makers_scope_is_never_reached() -> None:
 
 
 async def test_an_alert_opens_and_is_over_after_its_time() -> None:
-    told: list[Any] = []
+    reported: list[Any] = []
 
-    class Desk:
+    class Manager:
         """Keeps what it is told."""
 
-        def tell(self, edges: Any) -> None:
-            told.extend(edges)
+        def report(self, edges: Any) -> None:
+            reported.extend(edges)
 
         async def save(self) -> None:
             """Nothing to store."""
 
-    target = AlertTarget(Desk(), clock=ManualClock(wall_ns=NOW))
+    target = AlertTarget(Manager(), clock=ManualClock(wall_ns=NOW))
     asked = delivery("alert", {"detail": {"series": "a.b", "value": 3}}, severity="error", for_s=60)
     done = await target.deliver(asked)
     assert isinstance(done, Done)
     (later,) = done.puts
     assert (later.due_ns, later.context["ended"]) == (NOW + 60 * 10**9, True)
     await target.deliver(replace(asked, put=later))
-    assert [(edge.change, edge.finding.cause, edge.finding.value) for edge in told] == [
+    assert [(edge.change, edge.finding.cause, edge.finding.value) for edge in reported] == [
         ("opened", "rule:one", 3.0),
         ("cleared", "rule:one", 3.0),
     ]

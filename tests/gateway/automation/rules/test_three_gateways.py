@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from metaros.clock import ManualClock
-from tests.gateway.rules.test_clockwork import at, times
-from tests.gateway.rules.world import NOW, World, open_world
+from tests.gateway.automation.rules.test_scheduler import at, times
+from tests.gateway.automation.rules.world import NOW, World, open_world
 
 
 @pytest.mark.parametrize("store_url", ["postgres"], indirect=True)  # a file has one gateway
@@ -23,11 +23,11 @@ async def test_schedules_fire_once_whoever_dies(tmp_path: Path, store_url: str) 
         await one.put(at(expression="rate(1 minute)", misfire="all"))
         living = [one, two, three]
         for world in (two, three):
-            await world.rules.book.look()
+            await world.rules.registry.refresh()
         dead: list[World] = []
         for minute in range(15):
             if minute in (5, 10):  # whoever is on duty stands still for good
-                (gone,) = [world for world in living if world.rules.clockwork.on_duty]
+                (gone,) = [world for world in living if world.rules.scheduler.on_duty]
                 living.remove(gone)
                 dead.append(gone)
             for _ in range(4):

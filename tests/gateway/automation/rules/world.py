@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import orjson
 
+from gateway.automation.events.journal import EventJournal
+from gateway.automation.rules.service import Rules
+from gateway.domain.automation.rule import Maker, StoredRule
 from gateway.domain.channel import EVENT, Channel, Series
 from gateway.domain.principal import Principal, Role
-from gateway.domain.rule import Maker, StoredRule
 from gateway.domain.sample import Rows, Run
-from gateway.events.journal import EventJournal
-from gateway.fleet.typed import encode
-from gateway.rules.feature import Rules
+from gateway.fleet.ros.typed import encode
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
 from gateway.store.retention import Retention
@@ -52,7 +52,7 @@ class World:
 
     async def put(self, document: Mapping[str, Any], maker: Principal = ADMIN) -> StoredRule:
         """Add a rule."""
-        return (await self.rules.book.put(document, maker=Maker.of(maker)))[0]
+        return (await self.rules.registry.put(document, maker=Maker.of(maker)))[0]
 
     async def emit(self, kind: str, robot: str = "r1", **data: Any) -> None:
         """An event of the journal."""
@@ -94,7 +94,7 @@ class World:
     async def step(self, seconds: float) -> None:
         """Time passes, and what is due is done."""
         self.clock.advance(seconds)
-        while await self.rules.clockwork.step():
+        while await self.rules.scheduler.step():
             pass
 
     async def deliveries(self) -> list[dict[str, Any]]:
@@ -153,7 +153,7 @@ async def open_world(
         limits=replace(LIMITS, **limits),
     )
     journal = EventJournal(store, clock=clock, within=rules.engine.on_events)
-    store.start(within=rules.engine)
+    store.start(commit_hook=rules.engine)
     try:
         await rules.start()
         await journal.start()

@@ -22,8 +22,8 @@ from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from tests.gateway.harness import RING, ScriptedAgent, client
-from tests.support.alerting_gateway import Alerting, alerting_gateway
-from tests.support.command_line import ask_metaros
+from tests.support.gateways.alerting_gateway import Alerting, alerting_gateway
+from tests.support.processes.command_line import ask_metaros
 
 CHIEF = RING.add(role=Role.ADMIN, name="chief")
 MOTOR = link_pb2.Series(series_id=1, name="motor_left.temperature", topic="/sim_1/motor_left", field="temperature")

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from gateway.cli_alert_view import gauge, number, show_alert, show_change, span, state, table_row
-from metaros.cli.output import Output
+from gateway.cli.alert.view import gauge, number, show_alert, show_change, span, state, table_row
+from metaros.cli.shared.output import Output
 
 OPENED_NS = 1_795_349_405_000_000_000  # 2026-11-22 12:10:05
 ALERT: dict[str, Any] = {
@@ -104,7 +104,7 @@ def test_spans_are_as_they_were_set() -> None:
     ]
 
 
-def test_rows_say_why_nobody_is_told() -> None:
+def test_rows_say_why_nobody_is_reported() -> None:
     assert table_row(ALERT)[1:] == ("sim_2", "error", "open", "Too hot", "11-22 12:10:05", "")
     assert table_row({**ALERT, "times": 3})[-1] == 3
     assert state({**ALERT, "silence": "01K"}) == "open, silenced"

@@ -17,7 +17,7 @@ import pytest
 
 from gateway.domain.principal import Role
 from tests.gateway.harness import RING, running_gateway
-from tests.support.command_line import ask_metaros
+from tests.support.processes.command_line import ask_metaros
 
 CHIEF = RING.add(role=Role.ADMIN, name="chief")
 GUEST = RING.add(role=Role.VIEWER, name="guest")

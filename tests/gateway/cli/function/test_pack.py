@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway import cli_function_pack
-from gateway.cli_function_manifest import handler_of, read_manifest
-from gateway.cli_function_pack import Packed, pack
-from gateway.cli_rule_file import read_rules
+from gateway.cli.function import pack as cli_function_pack
+from gateway.cli.function.manifest import handler_of, read_manifest
+from gateway.cli.function.pack import Packed, pack
+from gateway.cli.rule.file import read_rules
+from metaros.automation.functions.package import check_zip
 from metaros.errors import UsageError
-from metaros.functions.package import check_zip
 from metaros.limits import LIMITS
 
 

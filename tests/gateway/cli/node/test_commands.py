@@ -12,8 +12,8 @@ from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from tests.gateway.harness import running_gateway
 from tests.gateway.node_robot import node_robot
-from tests.support.command_line import ask_metaros
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
+from tests.support.processes.command_line import ask_metaros
 
 ROW = '{"allowed": "lidar"}'
 
@@ -51,7 +51,7 @@ def admin(monkeypatch: pytest.MonkeyPatch) -> KeyRing:
 
 
 async def test_nodes_of_robots(tmp_path: Path, admin: KeyRing, monkeypatch: pytest.MonkeyPatch) -> None:
-    async with running_gateway(tmp_path, door=admin) as ready:
+    async with running_gateway(tmp_path, authenticator=admin) as ready:
         monkeypatch.setenv("METAROS_GATEWAY_URL", ready.url)
         async with node_robot(ready, "a1", answer) as one, node_robot(ready, "a2") as two:
             await cli("put", "lidar", ROW, "-r", "a1")
@@ -88,16 +88,16 @@ async def test_nodes_of_robots(tmp_path: Path, admin: KeyRing, monkeypatch: pyte
 async def test_a_log_is_followed_until_the_robot_is_gone(
     tmp_path: Path, admin: KeyRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with running_gateway(tmp_path, door=admin) as ready:
+    async with running_gateway(tmp_path, authenticator=admin) as ready:
         monkeypatch.setenv("METAROS_GATEWAY_URL", ready.url)
         asked = asyncio.Event()
 
-        def told(command: link_pb2.Command) -> tuple[bytes, str]:
+        def reported(command: link_pb2.Command) -> tuple[bytes, str]:
             if command.read_log.cursor:  # the second look: the first lines are out
                 asked.set()
             return answer(command)
 
-        async with node_robot(ready, "a1", told) as one:
+        async with node_robot(ready, "a1", reported) as one:
             await cli("put", "lidar", ROW, "-r", "a1")
             following = asyncio.create_task(ask_metaros("node", "log", "lidar", "-r", "a1", "-f", "-o", "json"))
             async with asyncio.timeout(60):

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.objects import DirectoryStore
 from gateway.store.commit import Committer
+from gateway.store.objects import DirectoryStore
 from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import gap_write, run_write
-from tests.support.command_line import Done, call_metaros, program
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import Done, call_metaros, program
+from tests.support.processes.processes import END_S, started
 
 
 @pytest.fixture

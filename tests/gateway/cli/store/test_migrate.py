@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from gateway.store.accounts import has_admin, list_users
+from gateway.store.accounts.users import has_admin, list_users
 from gateway.store.engines import open_engine
 from gateway.store.schema import MIGRATIONS
-from tests.support.command_line import call_metaros
-from tests.support.postgres import PostgresServer
+from tests.support.processes.command_line import call_metaros
+from tests.support.servers.postgres import PostgresServer
 
 
 @pytest.fixture(params=["sqlite", "postgres"])

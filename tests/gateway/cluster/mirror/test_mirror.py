@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.cluster.mirror_away import ORPHAN_S
-from gateway.cluster.mirror_home import MIRROR
+from gateway.cluster.mirror.receiver import ORPHAN_S
+from gateway.cluster.mirror.sender import MIRROR
 from gateway.live.feeds import Feeds, MetricSubscription
 from metaros._proto import cluster_pb2, link_pb2
 from metaros.clock import ManualClock
 from metaros.idl.globs import Glob
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.mirrored import Replica, channel, make_run, replicas
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.gateways.mirrored import Replica, channel, make_run, replicas
 from tests.support.waiting import wait_until_async
 
 
@@ -20,7 +20,7 @@ async def shows(replica: Replica, robot: str, home: str) -> None:
 
     def there() -> bool:
         record = replica.registry.find(robot)
-        return record is not None and record.online and record.home == home
+        return record is not None and record.online and record.owner_gateway == home
 
     await wait_until_async(there)
 
@@ -30,29 +30,31 @@ async def gone(replica: Replica, robot: str) -> None:
     await wait_until_async(lambda: not replica.registry.get(robot).online)
 
 
-async def test_a_gateway_that_comes_is_told_everything() -> None:
+async def test_a_gateway_that_comes_is_reported_everything() -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "a") as (a,):
-        told = a.link("r1", 5, labels={"site": "hall"})
+        reported = a.link("r1", 5, labels={"site": "hall"})
         both = [channel("r1", 1, "/scan"), channel("r1", 2, "/map", delivery="bulk", forward=False)]
         a.announce("r1", both, ["speed"])
         a.values("r1", speed=1.5, volts=12.0)
         a.publish(make_run(both[0], [b"one", b"two"], stamp_ns=50))
-        told.report(link_pb2.TopicStatistics(outbox_bytes=11, topics=[link_pb2.TopicRate(channel_id=1, rate_hz=10)]))
-        told.rtt_s = 0.25
+        reported.report(
+            link_pb2.TopicStatistics(outbox_bytes=11, topics=[link_pb2.TopicRate(channel_id=1, rate_hz=10)])
+        )
+        reported.rtt_s = 0.25
         async with replicas(meshes, "b") as (b,):
             await shows(b, "r1", "a")
             await wait_until_async(lambda: b.registry.get("r1").shown_counts.samples == 4)
             await wait_until_async(lambda: b.registry.get("r1").statistics.outbox_bytes == 11)
             record = b.registry.get("r1")
-            assert (record.here, record.online, record.home_session, record.session_number) == (False, True, 5, 5)
-            assert record.robot == told.robot
-            assert record.since_ns == told.since_ns
-            assert [state.channel for state in record.topics()] == [state.channel for state in told.topics()]
-            assert record.newest() == told.newest() == {"speed": (1000, 1.5), "volts": (1000, 12.0)}
-            assert record.series["speed"].series == told.series["speed"].series
+            assert (record.here, record.online, record.owner_session, record.session_number) == (False, True, 5, 5)
+            assert record.robot == reported.robot
+            assert record.since_ns == reported.since_ns
+            assert [state.channel for state in record.topics()] == [state.channel for state in reported.topics()]
+            assert record.newest() == reported.newest() == {"speed": (1000, 1.5), "volts": (1000, 12.0)}
+            assert record.series["speed"].series == reported.series["speed"].series
             assert record.rtt_s == 0.25
-            assert record.lag_ns == told.lag_ns
+            assert record.lag_ns == reported.lag_ns
             state = record.channels[1]
             assert (state.received, state.received_bytes, state.last_stamp_ns) == (2, 6, 51)
             assert state.rate.rate_hz == 10
@@ -62,7 +64,7 @@ async def test_a_gateway_that_comes_is_told_everything() -> None:
             assert a.mirror.mirrored == 0
 
 
-async def test_news_are_told_to_everybody() -> None:
+async def test_news_are_reported_to_everybody() -> None:
     async with replicas(FakeMeshes(), "a", "b", "c") as (a, b, c):
         a.link("r1", 1)
         await shows(b, "r1", "a")
@@ -134,17 +136,17 @@ async def test_a_robot_moves_and_its_former_home_is_late() -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "a", "b", "c") as (a, b, c):
         ended = list[tuple[str, str, int]]()
-        a.mirror.on_elsewhere(lambda *facts: ended.append(facts))
+        a.mirror.on_remote_session(lambda *facts: ended.append(facts))
         a.link("r1", 7)
         await shows(c, "r1", "a")
         states = list[tuple[bool, str]]()
-        c.mirror.watch(lambda robot: states.append((c.registry.get(robot).online, c.registry.get(robot).home)))
+        c.mirror.watch(lambda robot: states.append((c.registry.get(robot).online, c.registry.get(robot).owner_gateway)))
         b.link("r1", 8)
         await wait_until_async(lambda: ended)
         assert ended == [("r1", "b", 8)]
-        assert (a.registry.get("r1").here, a.registry.get("r1").home) == (True, "b")
+        assert (a.registry.get("r1").here, a.registry.get("r1").owner_gateway) == (True, "b")
         a.unlink("r1")  # as whoever has its links does when it hears that
-        assert (a.registry.get("r1").online, a.registry.get("r1").home) == (True, "b")
+        assert (a.registry.get("r1").online, a.registry.get("r1").owner_gateway) == (True, "b")
         a.values("r1", speed=1.0)
         await shows(c, "r1", "b")
         b.announce("r1", [channel("r1", 1, "/scan")])  # comes behind all that a said late
@@ -152,24 +154,24 @@ async def test_a_robot_moves_and_its_former_home_is_late() -> None:
         assert states[0] == (True, "b")
         assert all(online for online, _ in states)
         assert c.registry.get("r1").newest() == {}
-        assert b.registry.get("r1").home == ""
+        assert b.registry.get("r1").owner_gateway == ""
         assert (c.mirror.of("a"), c.mirror.of("b")) == ([], ["r1"])
 
 
-async def test_an_older_session_elsewhere_changes_nothing_until_the_newer_one_ends() -> None:
+async def test_an_older_session_remote_changes_nothing_until_the_newer_one_ends() -> None:
     async with replicas(FakeMeshes(), "a", "b", "c") as (a, b, c):
         a.link("r1", 9)
         await shows(b, "r1", "a")
         await shows(c, "r1", "a")
         ended = list[object]()
-        a.mirror.on_elsewhere(lambda *facts: ended.append(facts))
+        a.mirror.on_remote_session(lambda *facts: ended.append(facts))
         b.link("r1", 3)  # the robot's clock was set back, and nobody keeps it from this here
         b.announce("r1", [channel("r1", 1, "/scan")])
         b.link("r2", 1)
         await shows(a, "r2", "b")
         await shows(c, "r2", "b")
         assert not ended
-        assert c.registry.get("r1").home == "a"
+        assert c.registry.get("r1").owner_gateway == "a"
         a.unlink("r1")
         await shows(a, "r1", "b")
         await shows(c, "r1", "b")
@@ -177,7 +179,7 @@ async def test_an_older_session_elsewhere_changes_nothing_until_the_newer_one_en
         assert c.registry.get("r1").session_number == 3
 
 
-async def test_a_gateway_that_takes_no_more_is_told_all_of_it_later() -> None:
+async def test_a_gateway_that_takes_no_more_is_reported_all_of_it_later() -> None:
     async with replicas(FakeMeshes(), "a", "b") as (a, b):
         a.link("r1", 1)
         a.link("r2", 1)
@@ -200,15 +202,15 @@ async def test_a_gateway_that_takes_no_more_is_told_all_of_it_later() -> None:
 async def test_schemas_cross_once() -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "a", "b") as (a, b):
-        told = list[bytes]()
-        tell = a.mesh.tell
+        reported = list[bytes]()
+        send = a.mesh.send
 
         def noted(gateway: str, topic: str, payload: bytes) -> bool:
-            told.extend([payload] * (topic == MIRROR))
-            return tell(gateway, topic, payload)
+            reported.extend([payload] * (topic == MIRROR))
+            return send(gateway, topic, payload)
 
-        a.mesh.tell = noted  # type: ignore[method-assign]
-        await wait_until_async(lambda: any(cluster_pb2.Mirror.FromString(payload).whole for payload in told))
+        a.mesh.send = noted  # type: ignore[method-assign]
+        await wait_until_async(lambda: any(cluster_pb2.Mirror.FromString(payload).whole for payload in reported))
         text = b"int8 x\n" * 10_000
         for number in range(50):
             name = f"r{number}"
@@ -219,7 +221,7 @@ async def test_schemas_cross_once() -> None:
             lambda: all((found := b.registry.find(f"r{number}")) and found.listed() for number in range(50))
         )
         assert b.registry.get("r49").channels[1].channel.schema == text
-        assert sum(map(len, told)) < 2 * len(text)
+        assert sum(map(len, reported)) < 2 * len(text)
 
 
 def vars_of(item: object) -> dict[str, object]:
@@ -231,7 +233,7 @@ def vars_of(item: object) -> dict[str, object]:
 async def test_what_cannot_be_read_changes_nothing(payload: bytes) -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "a", "b") as (a, b):
-        a.mesh.tell("b", "mirror", payload)
-        a.mesh.tell("b", "live", payload)
+        a.mesh.send("b", "mirror", payload)
+        a.mesh.send("b", "live", payload)
         a.link("r1", 1)
         await shows(b, "r1", "a")

@@ -8,8 +8,8 @@ from contextlib import AsyncExitStack
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.fake_mesh import FakeMeshes
-from tests.support.mirrored import Replica, channel, replicas
+from tests.support.gateways.fake_mesh import FakeMeshes
+from tests.support.gateways.mirrored import Replica, channel, replicas
 from tests.support.waiting import wait_until_async
 
 NAMES, ROBOTS = ("a", "b", "c"), ("r1", "r2")
@@ -35,7 +35,7 @@ class World:
         """A gateway comes, knowing nothing."""
         stack = AsyncExitStack()
         (replica,) = await stack.enter_async_context(replicas(self.meshes, name))
-        replica.mirror.on_elsewhere(lambda robot, _home, _number: replica.unlink(robot))
+        replica.mirror.on_remote_session(lambda robot, _home, _number: replica.unlink(robot))
         self.alive[name] = replica, stack
 
     async def die(self, name: str) -> None:
@@ -84,7 +84,7 @@ class World:
         home, truth = here[0], here[0].registry.get(robot)
         return (
             record.online
-            and record.home == ("" if home is replica else home.mesh.gateway_id)
+            and record.owner_gateway == ("" if home is replica else home.mesh.gateway_id)
             and record.session_number == truth.session_number
             and {state.channel for state in record.channels.values()}
             == {state.channel for state in truth.channels.values()}

@@ -6,12 +6,12 @@ import asyncio
 
 import pytest
 
-from gateway.cluster.relay_wire import Parcel, join, split
+from gateway.cluster.relay.wire import RelayedFrame, join, split
 from gateway.errors import CommandRefusedError, CommandTimeoutError, ProtocolError, RobotOfflineError
-from gateway.fleet import commands
+from gateway.fleet import command_dispatcher
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
-from tests.support.relay_rig import ROBOT, RelayRig, relay_rig, settle
+from tests.support.gateways.relay_rig import ROBOT, RelayRig, relay_rig, settle
 
 
 def uplink(number: int = 1) -> link_pb2.Command:
@@ -88,16 +88,16 @@ async def test_a_home_whose_queue_is_full_is_a_robot_that_cannot_be_reached() ->
             await rig["b"].commands.run(ROBOT, uplink(), timeout_s=1)
 
 
-async def test_results_that_nobody_elsewhere_waits_for_stay_with_the_home(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(commands, "TRAVEL_S", 0.0)
+async def test_results_that_nobody_remote_waits_for_stay_with_the_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command_dispatcher, "TRAVEL_S", 0.0)
     async with relay_rig("abc") as rig:
         kept: list[link_pb2.Command] = []
         rig.answer = lambda command: kept.append(command)
         running = asyncio.create_task(rig["b"].commands.run(ROBOT, uplink(), timeout_s=0.01))
         await settle()
         assert rig["a"].relays.owed == 1
-        told = link_pb2.CommandResult(command_id=kept[0].command_id, running=True)
-        assert not rig["a"].relays.on_result(ROBOT, told)  # a durable command's word is the delivery's
+        reported = link_pb2.CommandResult(command_id=kept[0].command_id, running=True)
+        assert not rig["a"].relays.on_result(ROBOT, reported)  # a durable command's word is the delivery's
         rig.kill("b")
         await settle()
         assert rig["a"].relays.owed == 0
@@ -132,16 +132,16 @@ async def test_what_the_home_remembers_ends_with_the_commands_time() -> None:
 async def test_others_hear_which_process_of_a_robot_is_linked_and_who_has_it_anew() -> None:
     async with relay_rig("abc") as rig:
         assert [rig[name].begun for name in "abc"] == [[], [(ROBOT, b"process")], [(ROBOT, b"process")]]
-        rig["b"].relays.on_elsewhere(ROBOT, "c", 7)
+        rig["b"].relays.on_remote_session(ROBOT, "c", 7)
         assert rig["b"].fenced == [7]
 
 
 def test_parcels_and_parts_come_back_as_they_went() -> None:
-    parcel = Parcel("r/ü", b"frame", 7)
-    assert Parcel.unpack(parcel.pack()) == parcel
+    relayed = RelayedFrame("r/ü", b"frame", 7)
+    assert RelayedFrame.unpack(relayed.pack()) == relayed
     assert list(split(join([b"", b"a", b"bc"]))) == [b"", b"a", b"bc"]
     for broken in (b"\0", b"\0\0\0\5ab"):
         with pytest.raises(ProtocolError):
             list(split(broken))
     with pytest.raises(ProtocolError):
-        Parcel.unpack(b"\0")
+        RelayedFrame.unpack(b"\0")

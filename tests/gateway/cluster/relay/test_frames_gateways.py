@@ -15,13 +15,13 @@ import pytest
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.cdr import codec
+from metaros.fleet.twin import digest
 from metaros.idl import message_class
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
-from metaros.twin import digest
 from tests.gateway.cluster.gateway_pair import Pair, has, stored
 from tests.gateway.harness import BACKFILL, CONTROL, DATA, RING, ScriptedAgent, client, hear, open_socket, say
-from tests.support.lambda_gateway import ROLE, LambdaGateway, zipped
+from tests.support.gateways.lambda_gateway import ROLE, LambdaGateway, zipped
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("gateway pair")]
@@ -64,7 +64,7 @@ async def test_commands_calls_and_refusals(pair: Pair) -> None:
         assert answer.json()["response"] == {"success": True, "message": "ok"}
 
 
-async def test_a_twin_that_is_changed_elsewhere_is_told_at_once_and_its_node_answers(pair: Pair) -> None:
+async def test_a_twin_that_is_changed_remote_is_reported_at_once_and_its_node_answers(pair: Pair) -> None:
     async with linked(pair) as (agent, http):
         await agent.send(CONTROL, twin=link_pb2.TwinReport(state="applied", sha256=digest({})))
         edited = await http.patch(f"{pair.path}/twin?reason=first", json={"nodes": {"lidar": LIDAR}})
@@ -146,7 +146,7 @@ async def test_a_goal_is_sent_at_one_and_seen_at_both(pair: Pair) -> None:
             await has(ready, f"{pair.path}/goals/{goal_id}", "executing")
 
 
-async def test_a_recording_that_is_asked_for_elsewhere_is_cut_at_once(pair: Pair) -> None:
+async def test_a_recording_that_is_asked_for_remote_is_cut_at_once(pair: Pair) -> None:
     async with linked(pair) as (agent, http):
         asked = await http.post(f"{pair.path}/recordings", json={"last_s": 60})
         assert asked.status_code == 202, asked.text

@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from gateway.cluster.relay_offers import OfferMerge
+from gateway.cluster.relay.offers import OfferMerge
 from gateway.errors import RobotOfflineError
-from gateway.fleet.graph import RobotGraph
-from gateway.fleet.ros_errors import OfferRefusedError, UnknownGoalError
-from gateway.fleet.typed import encode
+from gateway.fleet.ros.errors import OfferRefusedError, UnknownGoalError
+from gateway.fleet.ros.graph import RobotGraph
+from gateway.fleet.ros.typed import encode
 from metaros._proto import link_pb2
 from metaros.idl import default_catalogue
 from metaros.limits import Limits
-from tests.support.relay_rig import ROBOT, RelayRig, relay_rig, settle
+from tests.support.gateways.relay_rig import ROBOT, RelayRig, relay_rig, settle
 
 TRIGGER = "std_srvs/srv/Trigger"
 FIBONACCI = "example_interfaces/action/Fibonacci"
@@ -120,8 +120,8 @@ async def test_types_of_a_large_graph_come_in_pieces_that_are_read_in_one_go_eac
 
 
 def goal(number: int, **facts: Any) -> link_pb2.AgentFrame:
-    told = {"action": "/r1/count", "type_name": FIBONACCI, "status": 2, **facts}
-    event = link_pb2.GoalEvent(goal_id=number.to_bytes(16, "big"), **told)
+    reported = {"action": "/r1/count", "type_name": FIBONACCI, "status": 2, **facts}
+    event = link_pb2.GoalEvent(goal_id=number.to_bytes(16, "big"), **reported)
     return link_pb2.AgentFrame(goals=link_pb2.GoalEvents(events=[event]))
 
 
@@ -169,14 +169,14 @@ class Agent:
         self._rig, self.serving, self.answers = rig, dict[int, str](), list[link_pb2.OfferAnswer]()
         hear = rig.hear
 
-        def heard(frame: link_pb2.GatewayFrame) -> None:
+        def received(frame: link_pb2.GatewayFrame) -> None:
             hear(frame)
             if frame.HasField("offers"):
                 self._take(list(frame.offers.offers))
             elif frame.HasField("offer_answer"):
                 self.answers.append(frame.offer_answer)
 
-        rig.hear = heard  # type: ignore[method-assign]
+        rig.hear = received  # type: ignore[method-assign]
 
     def _take(self, wanted: list[link_pb2.Offer]) -> None:
         self.serving = {number: name for number, name in self.serving.items() if number in {o.number for o in wanted}}
@@ -292,8 +292,8 @@ def test_the_robots_numbers_are_its_own_and_stay() -> None:
     then = {offer.number: offer.name for offer in merge.list_of("r").offers}
     assert {number: name for number, name in then.items() if number in first}.items() <= first.items()
     assert len(then) == 3
-    told = link_pb2.OfferStates(states=[link_pb2.OfferState(number=number) for number in then])
-    found = merge.states("r", told)
+    reported = link_pb2.OfferStates(states=[link_pb2.OfferState(number=number) for number in then])
+    found = merge.states("r", reported)
     assert {gateway: sorted(state.number for state in said.states) for gateway, said in found.items()} == {
         "a": [2, 3],
         "b": [1],

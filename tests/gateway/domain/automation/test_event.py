@@ -5,7 +5,7 @@ from __future__ import annotations
 import random  # noqa: TID251 - seeded
 from fnmatch import _compile_pattern, fnmatchcase  # type: ignore[attr-defined]
 
-from gateway.domain.event import Event, EventFilter, like
+from gateway.domain.automation.event import Event, EventFilter, like
 
 
 def test_a_pattern_means_what_a_shell_means_by_it() -> None:

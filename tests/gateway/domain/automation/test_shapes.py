@@ -1,4 +1,4 @@
-"""Shapes of happenings, field by field as AWS documents them in the example events of Lambda's guide."""
+"""Shapes of events, field by field as AWS documents them in the example events of Lambda's guide."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.happening import WEBHOOK, Happening
-from gateway.domain.shapes import SHAPES, cloudevent, eventbridge, http_v2, s3
+from gateway.domain.automation.gateway_event import WEBHOOK, GatewayEvent
+from gateway.domain.automation.shapes import SHAPES, cloudevent, eventbridge, http_v2, s3
 
 AT = 1_790_000_000_123_000_000
-STORED = Happening(
+STORED = GatewayEvent(
     id="e-7",
     type="metaros.recording.stored",
     source="metaros",
@@ -80,7 +80,7 @@ def test_s3_tells_of_an_object_that_was_put() -> None:
     assert (inner["object"]["key"], inner["object"]["size"]) == ("recordings/lab+1/01J.mcap", 4096)
     assert len(bytes.fromhex(inner["object"]["eTag"])) == 16
     with pytest.raises(ValueError, match="recording"):
-        s3(Happening(id="1", type="metaros.robot.online", source="metaros", at_ns=AT))
+        s3(GatewayEvent(id="1", type="metaros.robot.online", source="metaros", at_ns=AT))
 
 
 def test_sqs_has_messages_of_a_queue() -> None:
@@ -135,7 +135,7 @@ def test_kinesis_has_records_of_a_stream() -> None:
 
 
 def test_a_webhook_as_an_http_api_gives_it() -> None:
-    hook = Happening(
+    hook = GatewayEvent(
         id="m1", type=WEBHOOK, source="metaros.webhook/ci", at_ns=AT, data={"hook": "ci", "body": {"ok": True}}
     )
     found = http_v2(hook)

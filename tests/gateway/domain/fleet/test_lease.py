@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.errors import LeaseRequiredError, LeaseTakenError
 
 

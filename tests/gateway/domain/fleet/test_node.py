@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.domain.node import NodeState, TwinStanding, node_state
-from metaros.twin import parse
-from metaros.twin.document import NodeWanted
+from gateway.domain.fleet.node import NodeState, TwinStanding, node_state
+from metaros.fleet.twin import parse
+from metaros.fleet.twin.document import NodeSpec
 
 
-def wanted(**row: Any) -> NodeWanted:
+def wanted(**row: Any) -> NodeSpec:
     nodes = parse({"nodes": {"lidar": {"bundle": "lidar", "version": "1.2.0", **row}}}).nodes
     assert nodes is not None
     return nodes["lidar"]
@@ -21,7 +21,7 @@ def standing(**facts: Any) -> TwinStanding:
 
 
 def shown(
-    desired: NodeWanted | None, reported: dict[str, Any] | None, *, holder: str | None = None, **facts: Any
+    desired: NodeSpec | None, reported: dict[str, Any] | None, *, holder: str | None = None, **facts: Any
 ) -> NodeState:
     return node_state("lidar", desired, reported, standing(**facts), holder=holder)
 
@@ -81,8 +81,8 @@ def test_a_node_that_the_twin_does_not_name_is_extra() -> None:
 
 def test_who_has_the_lease_is_wanted_to_run() -> None:
     assert shown(wanted(migratable=True), said(), holder="r1").wanted == "running"
-    elsewhere = shown(wanted(migratable=True), said(), holder="r2")
-    assert (elsewhere.wanted, elsewhere.differs[0].desired) == ("standby", "standby")
+    remote = shown(wanted(migratable=True), said(), holder="r2")
+    assert (remote.wanted, remote.differs[0].desired) == ("standby", "standby")
 
 
 def test_a_robot_may_say_what_it_likes() -> None:

@@ -17,13 +17,13 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from edge_agent.nodes.moments import Moments
-from gateway.domain.node_lease import Held, NodeLeases, Step, Terms, Unit
-from metaros.supervise.lease import Duty, Leases
+from edge_agent.nodes.lease_stamps import LeaseStamps
+from gateway.domain.fleet.node_lease import LeaseTerms, NodeLeases, Step, Unit, UnitLease
+from metaros.supervise.lease import LeaseAction, Leases
 
 __all__ = ["TestFailover", "TestFailoverAlone"]
 
-TERMS = Terms(valid_s=5.0, margin_s=1.0, answer_s=2.0, shunned_s=60.0)
+TERMS = LeaseTerms(valid_s=5.0, margin_s=1.0, answer_s=2.0, shunned_s=60.0)
 UNITS = (Unit("all", "map"), Unit("all", "plan"), Unit("robot/r1", "own"))
 ROBOTS = ("r1", "r2", "r3")
 GRACE_S = 1.0
@@ -46,7 +46,7 @@ class Link:
 
     gateway: Gateway
     robot: Robot
-    down: deque[tuple[int, list[Held]]] = field(default_factory=deque)
+    down: deque[tuple[int, list[UnitLease]]] = field(default_factory=deque)
     up: deque[int] = field(default_factory=deque)
 
 
@@ -58,7 +58,7 @@ class Robot:
     clock: Clock
     able: dict[Unit, bool]
     supervisor: Leases = field(default_factory=Leases)
-    moments: Moments = field(default_factory=Moments)
+    stamps: LeaseStamps = field(default_factory=LeaseStamps)
     link: Link | None = None
     epochs: dict[str, int] = field(default_factory=dict)
 
@@ -82,7 +82,7 @@ class Failover(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.true_s = 0.0
-        self.rows: dict[Unit, Held] = {}
+        self.rows: dict[Unit, UnitLease] = {}
         self.lives = 0
         self.begun: dict[Unit, tuple[int, str]] = {}  # the highest epoch that any robot ever ran it under
 
@@ -114,7 +114,7 @@ class Failover(RuleBasedStateMachine):
     # -- gateways --------------------------------------------------------------------------------------------------
 
     def read(self, gateway: Gateway) -> None:
-        """As the desk does it: not while a write is under way."""
+        """As the failover does it: not while a write is under way."""
         if gateway.planned:
             return
         gateway.leases.learn(list(self.rows.values()), now_s=gateway.clock.read(self.true_s))
@@ -204,7 +204,7 @@ class Failover(RuleBasedStateMachine):
         robot, gateway = self.robots[name], self.gateway(number)
         self.ends(gateway, name)
         robot.link = gateway.links[name] = Link(gateway, robot)
-        robot.moments.forget()
+        robot.stamps.forget()
         gateway.leases.offer(name, dict(robot.able))
 
     @rule(name=robot)
@@ -226,14 +226,14 @@ class Failover(RuleBasedStateMachine):
             return
         since_ns, leases = robot.link.down.popleft()
         now_ns = round(robot.clock.read(self.true_s) * 1e9)
-        robot.link.up.append(robot.moments.tell(now_ns))
-        if not robot.moments.knows(since_ns):
+        robot.link.up.append(robot.stamps.issue(now_ns))
+        if not robot.stamps.knows(since_ns):
             return
         given = [(held.unit.node, held.lease_id, TERMS.valid_s) for held in leases]
         robot.supervisor.replace(given, age_s=(now_ns - since_ns) / 1e9, now_s=now_ns / 1e9)
         for held in leases:
             robot.epochs[held.unit.node] = held.epoch
-            if robot.supervisor.duty(held.unit.node, GRACE_S, now_ns / 1e9) is Duty.RUN:
+            if robot.supervisor.duty(held.unit.node, GRACE_S, now_ns / 1e9) is LeaseAction.RUN:
                 epoch, holder = self.begun.get(held.unit, (0, ""))
                 assert (held.epoch, name) == (epoch, holder) or held.epoch > epoch, "an old lease came to life"
                 self.begun[held.unit] = (held.epoch, name)
@@ -310,7 +310,7 @@ class Failover(RuleBasedStateMachine):
         robot = self.robots[name]
         robot.clock.offset_s = -self.true_s * robot.clock.speed
         robot.supervisor, robot.link = Leases(), None
-        robot.moments.forget()
+        robot.stamps.forget()
 
     @rule()
     def all_is_well_again(self) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.domain.parameter import KINDS, Bounds, Rules, plain, rules_of, wired
+from gateway.domain.fleet.parameter import KINDS, Bounds, Rules, plain, rules_of, wired
 from metaros.errors import ParameterError
 from tests.support.tables import refusal
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.domain import rollout as engine
-from gateway.domain.rollout import Facts, Plan, Rollout, wave_sizes
+from gateway.domain.fleet import rollout as engine
+from gateway.domain.fleet.rollout import Facts, Plan, Rollout, wave_sizes
 
 S = 10**9
 ONLINE = Facts(online=True)
@@ -39,7 +39,7 @@ def turn(rollout: Rollout, some: Mapping[str, Facts], now_ns: int, rest: Facts =
     """A step, after which every twin that is to hold the version holds it."""
     rollout = engine.step(rollout, facts_of(rollout, some, rest), now_ns)
     for robot in names(rollout, "starting"):
-        rollout = engine.told(rollout, robot, now_ns)
+        rollout = engine.assigned(rollout, robot, now_ns)
     return rollout
 
 
@@ -208,14 +208,14 @@ def test_whatever_robots_do(
         _check(before, ro, said)
         for robot in names(ro, "starting"):
             if data.draw(st.booleans()):
-                ro = engine.told(ro, robot, now_s * S)
+                ro = engine.assigned(ro, robot, now_s * S)
         if ro.state == "halted" and data.draw(st.booleans()):
             ro = engine.resume(ro, now_s * S, version=data.draw(st.sampled_from(["", "3.0.0"])) or "")
             if ro.plan.version == "3.0.0":
                 break
     for _ in range(4 * robots + 4):  # it ends by itself, whatever is left of it, once time goes by
         for robot in names(ro, "starting"):
-            ro = engine.told(ro, robot, now_s * S)
+            ro = engine.assigned(ro, robot, now_s * S)
         now_s += 6000
         ro = engine.step(ro, {}, now_s * S)
         if ro.state == "halted":

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.domain.errors import SelectorError
-from gateway.domain.selector import Selector, check_labels
-from gateway.domain.twin import changes_code, is_template_name
+from gateway.domain.fleet.selector import Selector, check_labels
+from gateway.domain.fleet.twin import changes_code, is_template_name
 from tests.support.tables import refusal
 
 LABELS = {"site": "lab", "kind": "arm", "fleet.org/zone": "a-1"}

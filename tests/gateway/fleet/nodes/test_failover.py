@@ -12,16 +12,16 @@ import pytest
 
 from gateway.domain.robot import Robot
 from gateway.errors import RobotOfflineError, StoreError
-from gateway.fleet.failover import STEP_S, Failover, can_run
-from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit
-from gateway.fleet.twins import Editor
+from gateway.fleet.nodes.failover import STEP_S, Failover, can_run
+from gateway.fleet.twins.feature import Twins
+from gateway.fleet.twins.manager import Editor
+from gateway.fleet.twins.plan import Edit
 from gateway.store import RobotWrite, Store
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.fleet.twin_rig import twins_on
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 ADMIN = Editor(name="ada", code=True)
 WAITS = {"state": "stopped", "why": "no lease", "quarantined": False}
@@ -153,9 +153,9 @@ async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fl
     await here.until({"r2": {"map": 2}}, for_s=20.0)
 
 
-@pytest.mark.parametrize("door", ["run", "read"])
+@pytest.mark.parametrize("authenticator", ["run", "read"])
 async def test_while_the_store_is_away_nobody_gets_a_lease_and_it_is_said_once(
-    fleet: tuple[Fleet, Store], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, door: str
+    fleet: tuple[Fleet, Store], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, authenticator: str
 ) -> None:
     here, store = fleet
     await here.robot(store, "r1")
@@ -166,12 +166,12 @@ async def test_while_the_store_is_away_nobody_gets_a_lease_and_it_is_said_once(
 
     for _ in range(2):
         with monkeypatch.context() as patched:
-            patched.setattr(store, door, away)
+            patched.setattr(store, authenticator, away)
             here.failover._unsure = True
             for _ in range(120):
                 await here.step()
             assert here.failover.holder_of("r1", "map") is None
-        assert [record.message for record in caplog.records if record.name == "gateway.fleet.failover"] == [
+        assert [record.message for record in caplog.records if record.name == "gateway.fleet.nodes.failover"] == [
             "leases of migratable nodes cannot be stored or read now: the disk is full"
         ]
     await here.until({"r1": {"map": 1}})  # although somebody asked for its holder before it was offered
@@ -193,10 +193,10 @@ async def test_a_robots_own_node_is_its_own(fleet: tuple[Fleet, Store]) -> None:
     here, store = fleet
     for name in ("r1", "r2"):
         await here.robot(store, name)
-        await here.twins.desk.edit(name, Edit(patch={"nodes": {"own": ROW}}), ADMIN, dry_run=False)
+        await here.twins.manager.edit(name, Edit(patch={"nodes": {"own": ROW}}), ADMIN, dry_run=False)
         here.reports(name, own=WAITS)
     await here.until({"r1": {"own": 1}, "r2": {"own": 1}})
-    await here.twins.desk.edit("r1", Edit(patch={"nodes": {"own": {"run": False}}}), ADMIN, dry_run=False)
+    await here.twins.manager.edit("r1", Edit(patch={"nodes": {"own": {"run": False}}}), ADMIN, dry_run=False)
     here.told.pop("r1")
     await here.until({"r2": {"own": 1}})
     assert here.failover.holder_of("r1", "own") is None

@@ -1,4 +1,4 @@
-"""The desk of rollouts on a real store, with robots that do what the test says."""
+"""The rollout manager on a real store, with robots that do what the test says."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 
 from gateway.domain.errors import IdempotencyConflictError
-from gateway.domain.once import Once
+from gateway.domain.fleet.rollout import Plan
+from gateway.domain.idempotency import IdempotentRequest
 from gateway.domain.principal import Principal
-from gateway.domain.rollout import Plan
 from gateway.errors import InvalidRequestError, RequestError
-from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
-from gateway.fleet.rollouts import RolloutDesk
+from gateway.fleet.rollouts.errors import RolloutStateError, UnknownRolloutError
+from gateway.fleet.rollouts.manager import RolloutManager
 from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.support.databases import on_both
-from tests.support.postgres import PostgresServer
+from tests.support.servers.databases import on_both
+from tests.support.servers.postgres import PostgresServer
 
 NOW_NS = 1_800_000_000 * 10**9
 PLAN = Plan(kind="agent", node="", bundle="metaros", version="2.0.0", selector="", waves=("1", "2"), steady_s=0.0)
@@ -71,45 +71,45 @@ class Fleet:
 
 
 @asynccontextmanager
-async def desk_on(url: str, folder: Path, fleet: Fleet, clock: ManualClock) -> AsyncIterator[RolloutDesk]:
+async def manager_on(url: str, folder: Path, fleet: Fleet, clock: ManualClock) -> AsyncIterator[RolloutManager]:
     store = Store(
         folder, clock=clock, retention=Retention(age_s=100.0, size_bytes=1 << 30), queue_bytes=1 << 20, url=url
     )
     store.start()
     try:
-        yield RolloutDesk(store, fleet, clock=clock)
+        yield RolloutManager(store, fleet, clock=clock)
     finally:
         await store.close()
 
 
-async def begin(desk: RolloutDesk, plan: Plan = PLAN, *, dry_run: bool = False) -> str:
-    made = await desk.start(plan, by="ann", sees=lambda robot: True, dry_run=dry_run)
+async def begin(manager: RolloutManager, plan: Plan = PLAN, *, dry_run: bool = False) -> str:
+    made = await manager.start(plan, by="ann", sees=lambda robot: True, dry_run=dry_run)
     return made.id
 
 
 @on_both
 async def test_waves_through_the_store(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
-        rid = await begin(desk)
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
+        rid = await begin(manager)
         told = []
         for _ in range(5):
-            assert await desk.tick()
+            assert await manager.tick()
             told.append(len(fleet.told))
             fleet.obey()
             clock.advance(1)
         assert told == [1, 3, 6, 6, 6]
-        one = await desk.get(rid)
+        one = await manager.get(rid)
         assert (one.state, one.count("done"), one.created_by) == ("done", 6, "ann")
         assert {(path, value) for _, path, value in fleet.told} == {("agent.version", "2.0.0")}
         assert fleet.authors == {f"rollout {rid}"}
-        assert [item.id for item in await desk.list()] == [rid]
+        assert [item.id for item in await manager.list()] == [rid]
 
 
 async def test_a_gateway_that_dies_is_followed_by_another(tmp_path: Path, postgres: PostgresServer) -> None:
     url, clock, fleet = postgres.schema(), ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(url, tmp_path / "b", fleet, clock) as second:
-        async with desk_on(url, tmp_path / "a", fleet, clock) as first:
+    async with manager_on(url, tmp_path / "b", fleet, clock) as second:
+        async with manager_on(url, tmp_path / "a", fleet, clock) as first:
             rid = await begin(first)
             assert await first.tick()
             assert not await second.tick()  # one at a time
@@ -122,60 +122,60 @@ async def test_a_gateway_that_dies_is_followed_by_another(tmp_path: Path, postgr
         assert (one.wave, one.count("done"), one.count("updating")) == (2, 1, 2)
 
 
-async def test_a_version_that_is_withdrawn_is_told_to_nobody_else(tmp_path: Path, store_url: str) -> None:
+async def test_a_version_that_is_withdrawn_is_reported_to_nobody_else(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
-        rid = await begin(desk)
-        await desk.tick()
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
+        rid = await begin(manager)
+        await manager.tick()
         fleet.signed.remove("2.0.0")
         fleet.obey()  # the first wave is good, and the second would begin
         for _ in range(3):
             clock.advance(1)
-            await desk.tick()
-        one = await desk.get(rid)
+            await manager.tick()
+        one = await manager.get(rid)
         assert (one.state, len(fleet.told), one.count("done"), one.count("starting")) == ("paused", 1, 1, 0)
         assert "metaros 2.0.0 any more: it was withdrawn" in one.reason
         with pytest.raises(InvalidRequestError, match="cannot fetch"):
-            await desk.resume(rid)
-        await desk.resume(rid, version="2.0.1")
+            await manager.resume(rid)
+        await manager.resume(rid, version="2.0.1")
         for _ in range(6):
-            await desk.tick()
+            await manager.tick()
             fleet.obey()
         assert {robot for robot, _, version in fleet.told if version == "2.0.1"} == set(fleet.said)
-        assert (await desk.get(rid)).state == "done"
+        assert (await manager.get(rid)).state == "done"
 
 
 async def test_it_halts_and_goes_on_with_a_fix(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
-        rid = await begin(desk)
-        await desk.tick()
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
+        rid = await begin(manager)
+        await manager.tick()
         robot = fleet.told[0][0]
         update = {"state": "rolled_back", "version": "2.0.0", "message": "no link"}
         fleet.said[robot] = {"agent": {"version": "1.0.0", "update": update}}
         for _ in range(3):
-            await desk.tick()
-        one = await desk.get(rid)
+            await manager.tick()
+        one = await manager.get(rid)
         assert (one.state, len(fleet.told)) == ("halted", 1)
         assert f"{robot} rolled_back: no link" in one.reason
         with pytest.raises(RolloutStateError):
-            await desk.pause(rid, "")
+            await manager.pause(rid, "")
         with pytest.raises(InvalidRequestError, match="cannot fetch"):
-            await desk.resume(rid, version="9.9.9")
-        await desk.resume(rid, version="2.0.1")
+            await manager.resume(rid, version="9.9.9")
+        await manager.resume(rid, version="2.0.1")
         for _ in range(6):
-            await desk.tick()
+            await manager.tick()
             fleet.obey()
-        assert (await desk.get(rid)).state == "done"
+        assert (await manager.get(rid)).state == "done"
         assert {said["agent"]["version"] for said in fleet.said.values()} == {"2.0.1"}
 
 
 async def test_no_robots_words_stop_a_rollout(tmp_path: Path, store_url: str) -> None:
     """What a robot says of itself goes into a database and before people: text that neither takes is left out."""
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
-        rid = await begin(desk, replace(PLAN, waves=("6",), max_failure_rate=1.0))
-        await desk.tick()
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
+        rid = await begin(manager, replace(PLAN, waves=("6",), max_failure_rate=1.0))
+        await manager.tick()
         said = [
             {"state": "refused", "version": "2.0.0", "message": "\0 bad\x1b[31m\u202e" + "x" * 10_000},
             {"state": "refused", "version": "2.0.0", "message": ["\0"], "code": {"\0": 1}},
@@ -186,8 +186,8 @@ async def test_no_robots_words_stop_a_rollout(tmp_path: Path, store_url: str) ->
             fleet.said[f"r{number}"] = {"agent": {"version": ["2.0.0"], "update": update}}
         fleet.said["r4"] = {"agent": [], "nodes": "\0"}
         for _ in range(3):
-            await desk.tick()
-        one = await desk.get(rid)
+            await manager.tick()
+        one = await manager.get(rid)
         assert one.members["r0"].reason.startswith("refused: bad")
         assert {name: member.state for name, member in one.members.items() if member.state == "failed"} == {
             "r0": "failed",
@@ -198,41 +198,41 @@ async def test_no_robots_words_stop_a_rollout(tmp_path: Path, store_url: str) ->
 
 async def test_a_twin_that_cannot_hold_it(tmp_path: Path) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet(refusing={f"r{n}" for n in range(6)})
-    async with desk_on("", tmp_path, fleet, clock) as desk:
-        rid = await begin(desk)
-        await desk.tick()
-        await desk.tick()
-        one = await desk.get(rid)
+    async with manager_on("", tmp_path, fleet, clock) as manager:
+        rid = await begin(manager)
+        await manager.tick()
+        await manager.tick()
+        one = await manager.get(rid)
         assert (one.state, one.count("failed")) == ("halted", 1)
         assert "the template forbids it" in one.reason
 
 
 async def test_paused_resumed_aborted(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
-        rid = await begin(desk)
-        await desk.tick()
-        assert (await desk.pause(rid, "lunch")).reason == "lunch"
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
+        rid = await begin(manager)
+        await manager.tick()
+        assert (await manager.pause(rid, "lunch")).reason == "lunch"
         fleet.obey()
         for _ in range(3):
-            await desk.tick()
-        assert (len(fleet.told), (await desk.get(rid)).count("done")) == (1, 1)
-        await desk.resume(rid)
-        await desk.tick()
+            await manager.tick()
+        assert (len(fleet.told), (await manager.get(rid)).count("done")) == (1, 1)
+        await manager.resume(rid)
+        await manager.tick()
         assert len(fleet.told) == 3
-        await desk.abort(rid, "enough")
+        await manager.abort(rid, "enough")
         fleet.obey()
-        await desk.tick()
-        one = await desk.get(rid)
+        await manager.tick()
+        one = await manager.get(rid)
         assert (one.state, one.reason, len(fleet.told)) == ("aborted", "enough", 3)
-        for call in (desk.resume(rid), desk.abort(rid, ""), desk.pause(rid, "")):
+        for call in (manager.resume(rid), manager.abort(rid, ""), manager.pause(rid, "")):
             with pytest.raises(RolloutStateError):
                 await call
 
 
 async def test_what_does_not_begin(tmp_path: Path) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
-    async with desk_on("", tmp_path, fleet, clock) as desk:
+    async with manager_on("", tmp_path, fleet, clock) as manager:
         for plan in (
             replace(PLAN, selector="nobody"),
             replace(PLAN, version="9.9.9"),
@@ -240,27 +240,27 @@ async def test_what_does_not_begin(tmp_path: Path) -> None:
             replace(PLAN, waves=()),
         ):
             with pytest.raises(InvalidRequestError):
-                await begin(desk, plan)
-        await begin(desk, dry_run=True)
-        assert await desk.list() == []
+                await begin(manager, plan)
+        await begin(manager, dry_run=True)
+        assert await manager.list() == []
         with pytest.raises(UnknownRolloutError):
-            await desk.get("none")
-        rid = await begin(desk)
+            await manager.get("none")
+        rid = await begin(manager)
         with pytest.raises(RolloutStateError, match=rid):
-            await begin(desk)
-        await desk.abort(rid, "")
-        await begin(desk)
+            await begin(manager)
+        await manager.abort(rid, "")
+        await begin(manager)
 
 
 @on_both
 async def test_a_rollout_is_begun_once_under_a_key(store_url: str, tmp_path: Path) -> None:
     fleet, clock = Fleet(), ManualClock(wall_ns=NOW_NS)
     ada = Principal(kind="user", id="1", name="ada")
-    once = Once.of(ada, "mine", {"version": "2.0.0"})
-    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+    once = IdempotentRequest.of(ada, "mine", {"version": "2.0.0"})
+    async with manager_on(store_url, tmp_path, fleet, clock) as manager:
 
-        async def begin(once: Once, *, dry_run: bool = False) -> str:
-            made = await desk.start(PLAN, by="ada", sees=lambda robot: True, dry_run=dry_run, once=once)
+        async def begin(once: IdempotentRequest, *, dry_run: bool = False) -> str:
+            made = await manager.start(PLAN, by="ada", sees=lambda robot: True, dry_run=dry_run, once=once)
             return made.id
 
         dry, first = await begin(once, dry_run=True), await begin(once)
@@ -268,13 +268,13 @@ async def test_a_rollout_is_begun_once_under_a_key(store_url: str, tmp_path: Pat
         fleet.said.clear()  # whatever has become of the fleet since
         assert await begin(once) == first
         with pytest.raises(IdempotencyConflictError):
-            await begin(Once.of(ada, "mine", {"version": "2.0.1"}))
-        await desk.abort(first, "")
+            await begin(IdempotentRequest.of(ada, "mine", {"version": "2.0.1"}))
+        await manager.abort(first, "")
         assert await begin(once) == first
         fleet.said["r0"] = {"agent": {"version": "1.0.0"}}
-        other = await begin(Once.of(Principal(kind="user", id="2"), "mine", {"version": "2.0.0"}))
+        other = await begin(IdempotentRequest.of(Principal(kind="user", id="2"), "mine", {"version": "2.0.0"}))
         assert other != first, "keys of others are other keys"
-        await desk.abort(other, "")
+        await manager.abort(other, "")
         clock.advance(LIMITS.made_once_s + 1)
-        await desk.abort(await begin(Once.of(ada, "another", {})), "")
+        await manager.abort(await begin(IdempotentRequest.of(ada, "another", {})), "")
         assert await begin(once) != first, "after a day it is a new one"

@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.lease import LeaseTable
+from gateway.domain.fleet.lease import LeaseTable
 from gateway.errors import LeaseRequiredError, ProtocolError, RobotOfflineError, TooManyError
-from gateway.fleet.commands import CommandDesk
-from gateway.fleet.desk import FleetDesk
-from gateway.fleet.goal import Goal, GoalEvent
-from gateway.fleet.goals import GoalDesk
-from gateway.fleet.graph_book import GraphBook
-from gateway.fleet.ros_errors import UnknownGoalError
-from gateway.ingest.forms import read_ros
+from gateway.fleet.command_dispatcher import CommandDispatcher
+from gateway.fleet.manager import FleetManager
+from gateway.fleet.ros.errors import UnknownGoalError
+from gateway.fleet.ros.goal import Goal, GoalEvent
+from gateway.fleet.ros.goals import GoalManager
+from gateway.fleet.ros.graph_registry import GraphRegistry
+from gateway.ingest.frame_checks import read_ros
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -29,14 +29,14 @@ from tests.support.waiting import wait_until_async
 FIBONACCI = "example_interfaces/action/Fibonacci"
 
 
-class Desk(GoalDesk):
+class Manager(GoalManager):
     """Goals of robot r; `sent` is what went to it."""
 
     def __init__(self, clock: ManualClock, limits: Limits = LIMITS) -> None:
         self.sent: list[link_pb2.Command] = []
-        self.commands = CommandDesk(lambda robot, frame: self.sent.append(frame.command), clock=clock)
-        fleet = FleetDesk(self.robot, self.commands, LeaseTable(valid_s=3.0), clock=clock)
-        super().__init__(self.robot, self.commands, fleet, GraphBook(), clock=clock, limits=limits)
+        self.commands = CommandDispatcher(lambda robot, frame: self.sent.append(frame.command), clock=clock)
+        fleet = FleetManager(self.robot, self.commands, LeaseTable(valid_s=3.0), clock=clock)
+        super().__init__(self.robot, self.commands, fleet, GraphRegistry(), clock=clock, limits=limits)
 
     @staticmethod
     def robot(robot_id: str) -> Any:
@@ -59,45 +59,45 @@ def feedback(number: int) -> bytes:
 
 
 async def test_a_goal_without_a_link_for_too_long_is_lost_and_then_forgotten(clock: ManualClock) -> None:
-    desk = Desk(clock)
-    goal = desk.told(1)
-    desk.on_online("r", online=False)
+    manager = Manager(clock)
+    goal = manager.told(1)
+    manager.on_online("r", online=False)
     clock.advance(LIMITS.goal_lost_s - 1)
-    desk.tick()
+    manager.tick()
     assert (goal.reachable, goal.ended) == (False, False)
     clock.advance(2)
-    desk.tick()
+    manager.tick()
     assert (goal.status, goal.ended) == ("lost", True)
     assert "no link" in goal.message
-    assert desk.told(1, ended=True, status=4).status == "lost"  # an end is an end
+    assert manager.told(1, ended=True, status=4).status == "lost"  # an end is an end
     clock.advance(LIMITS.goal_kept_s + 1)
-    desk.tick()
+    manager.tick()
     with pytest.raises(UnknownGoalError):
-        desk.find("r", goal.id)
+        manager.find("r", goal.id)
 
 
 async def test_a_link_that_comes_back_in_time_brings_the_goal_back(clock: ManualClock) -> None:
-    desk = Desk(clock)
-    kept, gone = desk.told(1), desk.told(2)
-    desk.on_online("r", online=False)
-    desk.told(1)
-    desk.on_events("r", link_pb2.GoalEvents(all_told=True, goal_ids=[kept.goal_id]))
+    manager = Manager(clock)
+    kept, gone = manager.told(1), manager.told(2)
+    manager.on_online("r", online=False)
+    manager.told(1)
+    manager.on_events("r", link_pb2.GoalEvents(all_told=True, goal_ids=[kept.goal_id]))
     assert (kept.reachable, kept.ended, gone.status) == (True, False, "lost")
     clock.advance(LIMITS.goal_lost_s + 1)
-    desk.tick()
+    manager.tick()
     assert not kept.ended
 
 
 async def test_a_slow_reader_gets_the_newest_feedback_and_every_status(clock: ManualClock) -> None:
-    desk = Desk(clock)
-    goal = desk.told(1, status=1)
+    manager = Manager(clock)
+    goal = manager.told(1, status=1)
     seen: list[GoalEvent] = []
     async with aclosing(goal.events()) as events:
         seen.append(await anext(events))
         for number in range(100):
-            desk.told(1, feedback=feedback(number))
-        desk.told(1, status=3)
-        desk.told(1, status=5, ended=True)
+            manager.told(1, feedback=feedback(number))
+        manager.told(1, status=3)
+        manager.told(1, status=5, ended=True)
         seen.extend([event async for event in events])
     assert [(event.kind, event.status) for event in seen] == [
         ("status", "accepted"),
@@ -111,8 +111,8 @@ async def test_a_slow_reader_gets_the_newest_feedback_and_every_status(clock: Ma
 
 
 async def test_readers_and_goals_are_bounded(clock: ManualClock) -> None:
-    desk = Desk(clock, replace(LIMITS, goals_open=2, goals_kept=3))
-    goal = desk.told(1)
+    manager = Manager(clock, replace(LIMITS, goals_open=2, goals_kept=3))
+    goal = manager.told(1)
     readers = [goal.events() for _ in range(LIMITS.goal_readers)]
     for reader in readers:
         await anext(reader)
@@ -120,30 +120,30 @@ async def test_readers_and_goals_are_bounded(clock: ManualClock) -> None:
         await anext(goal.events())
     await asyncio.gather(*(reader.aclose() for reader in readers))
     await anext(goal.events())  # their places are free again
-    desk.told(2)
+    manager.told(2)
     with pytest.raises(UnknownGoalError):
-        desk.told(3)  # a robot that tells more than it may is not believed
+        manager.told(3)  # a robot that tells more than it may is not believed
     with pytest.raises(TooManyError):
-        await desk.send("r", "count", type_name=FIBONACCI, goal={"order": 1})
-    desk.told(1, ended=True, status=4)
-    desk.told(2, ended=True, status=4)
-    desk.told(3)
-    desk.told(4)
-    assert [one.goal_id[-1] for one in desk.of("r")] == [4, 3, 2]
+        await manager.send("r", "count", type_name=FIBONACCI, goal={"order": 1})
+    manager.told(1, ended=True, status=4)
+    manager.told(2, ended=True, status=4)
+    manager.told(3)
+    manager.told(4)
+    assert [one.goal_id[-1] for one in manager.of("r")] == [4, 3, 2]
 
 
 async def test_what_a_robot_tells_of_a_goal_is_bounded(clock: ManualClock) -> None:
     """Two hundred goals are kept, each with its last feedback and its result: not with megabytes of them."""
-    desk = Desk(clock)
-    goal = desk.told(1, feedback=bytes(LIMITS.goal_feedback_bytes + 1), message="m" * 10_000)
+    manager = Manager(clock)
+    goal = manager.told(1, feedback=bytes(LIMITS.goal_feedback_bytes + 1), message="m" * 10_000)
     assert (goal.newest_feedback, goal.skipped, goal.status) == (None, 1, "executing")
-    desk.told(1, ended=True, status=4, result=bytes(LIMITS.result_bytes + 1))
+    manager.told(1, ended=True, status=4, result=bytes(LIMITS.result_bytes + 1))
     assert (goal.status, goal.result_cdr) == ("succeeded", b"")
     assert "left out" in goal.message
-    assert len(desk.told(2, ended=True, status=6, message="m" * 10_000).message) <= 1024
+    assert len(manager.told(2, ended=True, status=6, message="m" * 10_000).message) <= 1024
     with pytest.raises(UnknownGoalError):
-        desk.told(3, action="/r/" + "a" * 10_000)
-    huge = desk.told(4, feedback=bytes(LIMITS.goal_feedback_bytes + 1), skipped=(1 << 64) - 1)
+        manager.told(3, action="/r/" + "a" * 10_000)
+    huge = manager.told(4, feedback=bytes(LIMITS.goal_feedback_bytes + 1), skipped=(1 << 64) - 1)
     assert huge.skipped == 1 << 62
 
 
@@ -159,19 +159,19 @@ def test_a_frame_tells_of_no_more_goals_than_there_can_be() -> None:
 
 
 async def test_a_link_that_goes_while_a_goal_is_sent_ends_the_call_at_once(clock: ManualClock) -> None:
-    desk = Desk(clock)
-    sending = asyncio.create_task(desk.send("r", "count", type_name=FIBONACCI, goal={"order": 1}))
-    await wait_until_async(lambda: desk.sent)
-    sent = desk.sent[0].send_goal
+    manager = Manager(clock)
+    sending = asyncio.create_task(manager.send("r", "count", type_name=FIBONACCI, goal={"order": 1}))
+    await wait_until_async(lambda: manager.sent)
+    sent = manager.sent[0].send_goal
     assert (sent.action, sent.type_name, len(sent.goal_id)) == ("/r/count", FIBONACCI, 16)
-    desk.commands.on_offline("r")
+    manager.commands.on_offline("r")
     with pytest.raises(RobotOfflineError):
         await sending
-    assert desk.of("r") == []
+    assert manager.of("r") == []
 
 
 async def test_an_action_that_moves_the_robot_needs_the_lease(clock: ManualClock) -> None:
-    desk = Desk(clock)
+    manager = Manager(clock)
     with pytest.raises(LeaseRequiredError):
-        await desk.send("r", "cmd_vel", type_name=FIBONACCI, goal={"order": 1})
-    assert desk.sent == []
+        await manager.send("r", "cmd_vel", type_name=FIBONACCI, goal={"order": 1})
+    assert manager.sent == []

@@ -6,10 +6,10 @@ import logging
 
 import pytest
 
-from edge_agent.ros.report import GraphTeller
-from edge_agent.ros.survey import Survey
-from gateway.fleet import graph_book
-from gateway.fleet.graph_book import GraphBook, catalogue_from
+from edge_agent.ros.graph_report import GraphReporter
+from edge_agent.ros.graph_snapshot import GraphSnapshot
+from gateway.fleet.ros import graph_registry
+from gateway.fleet.ros.graph_registry import GraphRegistry, catalogue_from
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 
@@ -28,7 +28,7 @@ HOSTILE = {  # reports of 120 KiB, each of which took from 0.1 to 0.4 s
 }
 
 
-def told(number: int, fields: int) -> link_pb2.TypeText:
+def reported(number: int, fields: int) -> link_pb2.TypeText:
     """A service type of so many fields."""
     text = "".join(f"int32 field_{field}\n" for field in range(fields)) + "---\nint32 b\n"
     name = f"p/srv/S{number}"
@@ -37,9 +37,9 @@ def told(number: int, fields: int) -> link_pb2.TypeText:
 
 def known(*types: link_pb2.TypeText) -> list[str]:
     """What a gateway learns from one report."""
-    book = GraphBook()
-    book.on_report("r", link_pb2.GraphReport(anew=True, revision=1, types=types))
-    return [name for name, _ in book.of("r").types]
+    registry = GraphRegistry()
+    registry.on_report("r", link_pb2.GraphReport(anew=True, revision=1, types=types))
+    return [name for name, _ in registry.of("r").types]
 
 
 def read_of(monkeypatch: pytest.MonkeyPatch, *types: link_pb2.TypeText) -> list[link_pb2.TypeText]:
@@ -50,7 +50,7 @@ def read_of(monkeypatch: pytest.MonkeyPatch, *types: link_pb2.TypeText) -> list[
         read.append(text)
         return catalogue_from(text)
 
-    monkeypatch.setattr(graph_book, "catalogue_from", reading)
+    monkeypatch.setattr(graph_registry, "catalogue_from", reading)
     known(*types)
     return read
 
@@ -78,16 +78,16 @@ def test_a_type_that_is_too_large_is_refused_by_its_code_and_the_rest_of_the_rep
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        assert known(told(1, 50), told(2, 1000), told(3, 50)) == ["p/srv/S1", "p/srv/S3"]
+        assert known(reported(1, 50), reported(2, 1000), reported(3, 50)) == ["p/srv/S1", "p/srv/S3"]
     (record,) = caplog.records
     assert "(too_large): p/srv/S2" in record.getMessage()
-    assert known(told(1, 400)) == ["p/srv/S1"]  # twice of what the largest services of moveit_msgs have
+    assert known(reported(1, 400)) == ["p/srv/S1"]  # twice of what the largest services of moveit_msgs have
 
 
 def test_all_types_of_an_agent_arrive_whatever_their_sizes() -> None:
     sizes = [1, 400, 90, 90, 400, 1, 1, 1, 400, *[1] * 20, *[30] * 20]
-    types = {(f"p/srv/S{number}", ""): told(number, size) for number, size in enumerate(sizes)}
-    book = GraphBook()
-    for frame in GraphTeller().tell(Survey(frozenset({"/r/a"}), {}), types):
-        book.on_report("r", frame)
-    assert book.of("r").types.keys() == types.keys()
+    types = {(f"p/srv/S{number}", ""): reported(number, size) for number, size in enumerate(sizes)}
+    registry = GraphRegistry()
+    for frame in GraphReporter().changes(GraphSnapshot(frozenset({"/r/a"}), {}), types):
+        registry.on_report("r", frame)
+    assert registry.of("r").types.keys() == types.keys()

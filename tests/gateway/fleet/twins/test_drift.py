@@ -7,10 +7,10 @@ from typing import Any
 
 import orjson
 
-from gateway.domain.twin import Desired, Reported
-from gateway.events.kinds import event_kind
-from gateway.fleet.twin_book import TwinBook
-from gateway.fleet.twin_drift import Drift
+from gateway.automation.events.kinds import event_kind
+from gateway.domain.fleet.twin import Desired, Reported
+from gateway.fleet.twins.cache import TwinCache
+from gateway.fleet.twins.drift import Drift
 
 DOCUMENT = orjson.dumps({"nodes": {"camera": {"allowed": "camera"}, "arm": {"allowed": "arm", "run": False}}})
 
@@ -19,9 +19,9 @@ class World:
     """One robot, what is desired of it, and what was told."""
 
     def __init__(self, document: bytes = DOCUMENT) -> None:
-        self.book = TwinBook(None)  # type: ignore[arg-type]  # its store is asked for nothing
+        self.cache = TwinCache(None)  # type: ignore[arg-type]  # its store is asked for nothing
         self.told: list[tuple[str, dict[str, Any]]] = []
-        self.drift = Drift(self.book, self._emit, holder_of=lambda robot, node: None)
+        self.drift = Drift(self.cache, self._emit, holder_of=lambda robot, node: None)
         self.desire(7, document)
 
     def _emit(self, kind: str, robot: str, data: Mapping[str, Any]) -> None:
@@ -30,7 +30,7 @@ class World:
         self.told.append((kind, dict(data)))
 
     def desire(self, revision: int, document: bytes = DOCUMENT) -> None:
-        self.book.learn([Desired(robot="r1", revision=revision, change=revision, document=document)])
+        self.cache.learn([Desired(robot="r1", revision=revision, change=revision, document=document)])
 
     def report(self, *reports: Reported) -> list[str]:
         """The kinds of events that they set off, one after the other."""
@@ -48,7 +48,7 @@ def said(camera: str, *, arm: str = "stopped", revision: int = 7, state: str = "
     return Reported(robot="r1", at_ns=1, revision=revision, applied=revision, state=state, reported=values)
 
 
-def test_drift_is_told_when_it_begins_and_when_it_ends() -> None:
+def test_drift_is_reported_when_it_begins_and_when_it_ends() -> None:
     world = World()
     reports = said("running"), said("waiting"), said("waiting", restarts=1), said("running")
     assert world.report(*reports) == ["twin.drifted", "twin.in_step"]

@@ -13,18 +13,18 @@ import orjson
 import pytest
 
 from gateway.domain.errors import SelectorError, TwinChangedError, UnknownRevisionError
+from gateway.domain.fleet.selector import MAX_LABELS, Selector
 from gateway.domain.robot import Robot
-from gateway.domain.selector import MAX_LABELS, Selector
 from gateway.errors import ForbiddenError, UnknownRobotError
-from gateway.fleet.twin_plan import Edit
-from gateway.fleet.twins import Editor
+from gateway.fleet.twins.manager import Editor
+from gateway.fleet.twins.plan import Edit
 from gateway.store import RobotWrite
-from gateway.store import templates as templates_module
+from gateway.store.fleet import templates as templates_module
 from metaros._proto import link_pb2
+from metaros.fleet.twin import TwinError
 from metaros.limits import LIMITS
-from metaros.twin import TwinError
 from tests.gateway.fleet.twin_rig import Rig, rig_on
-from tests.support.databases import on_both
+from tests.support.servers.databases import on_both
 
 OPERATOR, ADMIN = Editor(name="olga"), Editor(name="ada", code=True)
 LIDAR = {"nodes": {"lidar": {"allowed": "lidar"}}}
@@ -37,7 +37,7 @@ async def rig(store_url: str, tmp_path: Path) -> AsyncIterator[Rig]:
 
 
 async def patch(rig: Rig, robot: str, document: dict[str, Any], editor: Editor = ADMIN, **options: Any) -> Any:
-    return await rig.twins.desk.edit(robot, Edit(patch=document), editor, dry_run=False, **options)
+    return await rig.twins.manager.edit(robot, Edit(patch=document), editor, dry_run=False, **options)
 
 
 async def template(rig: Rig, name: str, selector: str, document: dict[str, Any], **options: Any) -> Any:
@@ -50,11 +50,11 @@ async def test_a_robot_gets_what_is_desired_and_confirms_it(rig: Rig) -> None:
     outcome = await patch(rig, "r1", LIDAR)
     assert (outcome.after.revision, [change.path for change in outcome.changes]) == (1, ["/nodes"])
     await rig.work(lambda: robot.state == "applied" and robot.applied == 1)
-    state = await rig.twins.desk.state("r1")
+    state = await rig.twins.manager.state("r1")
     assert state.in_step
     assert robot.document == state.desired.document == b'{"nodes":{"lidar":{"allowed":"lidar"}}}'
     assert state.reported is not None
-    assert (state.reported.applied, rig.twins.desk.reported_of("r1")) == (1, {"documents": 1})
+    assert (state.reported.applied, rig.twins.manager.reported_of("r1")) == (1, {"documents": 1})
 
 
 async def test_nothing_wrong_is_stored_and_nothing_unchanged_gets_a_revision(rig: Rig) -> None:
@@ -67,14 +67,14 @@ async def test_nothing_wrong_is_stored_and_nothing_unchanged_gets_a_revision(rig
     with pytest.raises(UnknownRobotError):
         await patch(rig, "r2", {})
     assert (await patch(rig, "r1", LIDAR)).changed is False
-    assert (await rig.twins.desk.state("r1")).desired.revision == 1
-    tried = await rig.twins.desk.edit("r1", Edit(patch={"nodes": None}), ADMIN, dry_run=True)
+    assert (await rig.twins.manager.state("r1")).desired.revision == 1
+    tried = await rig.twins.manager.edit("r1", Edit(patch={"nodes": None}), ADMIN, dry_run=True)
     assert [change.text for change in tried.changes] == ['- /nodes: {"lidar": {"allowed": "lidar"}}']
-    assert (await rig.twins.desk.state("r1")).desired.revision == 1
+    assert (await rig.twins.manager.state("r1")).desired.revision == 1
 
 
 @on_both
-async def test_who_was_slower_is_told(rig: Rig) -> None:
+async def test_who_was_slower_is_reported(rig: Rig) -> None:
     await rig.robot("r1")
     first = await patch(rig, "r1", LIDAR, expected=(0, None))
     with pytest.raises(TwinChangedError, match=r"at 1\.1 by now"):
@@ -98,15 +98,15 @@ async def test_what_runs_on_a_robot_is_an_admins_to_change(rig: Rig) -> None:
     await patch(rig, "r1", {"nodes": {"lidar": {"nice": 5, "run": False}}, "budget": {"bytes_per_s": 9000}}, OPERATOR)
     await patch(rig, "r1", {"nodes": {"lidar": {"version": "1.1.0"}}})
     with pytest.raises(ForbiddenError):
-        await rig.twins.desk.revert("r1", 1, OPERATOR, dry_run=False)
+        await rig.twins.manager.revert("r1", 1, OPERATOR, dry_run=False)
     with pytest.raises(ForbiddenError, match=r"agent\.version"):
         await patch(rig, "r1", {"agent": {"version": "2.0.0"}}, OPERATOR)
     # A label that brings a template with code is the same change.
     await template(rig, "tools", "tools", {"nodes": {"tool": {"command": ["sh"]}}})
     labels = Edit(labels={"tools": "yes"})
     with pytest.raises(ForbiddenError):
-        await rig.twins.desk.edit("r1", labels, OPERATOR, dry_run=False)
-    await rig.twins.desk.edit("r1", labels, ADMIN, dry_run=False)
+        await rig.twins.manager.edit("r1", labels, OPERATOR, dry_run=False)
+    await rig.twins.manager.edit("r1", labels, ADMIN, dry_run=False)
 
 
 async def test_code_does_not_hide_behind_a_document_that_cannot_be_made(rig: Rig) -> None:
@@ -120,11 +120,11 @@ async def test_code_does_not_hide_behind_a_document_that_cannot_be_made(rig: Rig
     await rig.store.flush()
     rig.cut("r1")
     rig.link("r1")
-    await rig.work(lambda: bool((found := rig.twins.desk.desired_of("r1")) and found.problem))
+    await rig.work(lambda: bool((found := rig.twins.manager.desired_of("r1")) and found.problem))
 
     async def many(document: dict[str, Any], editor: Editor) -> Any:
         edit = Edit(patch=document)
-        return await rig.twins.desk.edit_many(
+        return await rig.twins.manager.edit_many(
             Selector.parse("robot=r1"), edit, editor, sees=lambda _: True, dry_run=False
         )
 
@@ -133,7 +133,7 @@ async def test_code_does_not_hide_behind_a_document_that_cannot_be_made(rig: Rig
             await many(evil, OPERATOR)
     assert (await many({"budget": {"bytes_per_s": 9000}}, OPERATOR))[0].changed
     mended = Edit(document={"nodes": {"lidar": {"bundle": None, "version": None}}})
-    assert (await rig.twins.desk.edit("r1", mended, ADMIN, dry_run=False)).after.problem == ""
+    assert (await rig.twins.manager.edit("r1", mended, ADMIN, dry_run=False)).after.problem == ""
 
 
 async def test_what_is_said_of_a_templates_node_does_not_hold_the_template(rig: Rig) -> None:
@@ -143,14 +143,14 @@ async def test_what_is_said_of_a_templates_node_does_not_hold_the_template(rig: 
     await template(rig, "first", "a", node)
     await patch(rig, "r1", {"nodes": {"lidar": {"run": False}}}, OPERATOR)
     await rig.twins.templates.remove("first", editor=ADMIN, dry_run=False)
-    desired = (await rig.twins.desk.state("r1")).desired
+    desired = (await rig.twins.manager.state("r1")).desired
     assert (desired.document, desired.problem) == (b"{}", "")
     await rig.work(lambda: robot.state == "applied" and robot.document == b"{}")
     with pytest.raises(TwinError, match="exactly one of"):
         await patch(rig, "r1", {"nodes": {"lidar": {"run": True}}}, OPERATOR)
     await patch(rig, "r1", {"budget": {"bytes_per_s": 9000}}, OPERATOR)
     await template(rig, "again", "a", node)
-    living = orjson.loads((await rig.twins.desk.state("r1")).desired.document)["nodes"]
+    living = orjson.loads((await rig.twins.manager.state("r1")).desired.document)["nodes"]
     assert living == {"lidar": {"allowed": "lidar", "run": False}}, "it is stopped still"
 
 
@@ -158,11 +158,11 @@ async def test_labels_are_bounded_in_sum(rig: Rig) -> None:
     await rig.robot("r1")
     for start in range(0, MAX_LABELS, 16):
         labels = Edit(labels={f"l{start + n}": "x" for n in range(16)})
-        await rig.twins.desk.edit("r1", labels, OPERATOR, dry_run=False)
+        await rig.twins.manager.edit("r1", labels, OPERATOR, dry_run=False)
     with pytest.raises(SelectorError, match="64 labels"):
-        await rig.twins.desk.edit("r1", Edit(labels={"more": "x"}), OPERATOR, dry_run=False)
-    await rig.twins.desk.edit("r1", Edit(labels={"more": "x", "l0": None}), OPERATOR, dry_run=False)
-    assert len((await rig.twins.desk.state("r1")).labels) == MAX_LABELS
+        await rig.twins.manager.edit("r1", Edit(labels={"more": "x"}), OPERATOR, dry_run=False)
+    await rig.twins.manager.edit("r1", Edit(labels={"more": "x", "l0": None}), OPERATOR, dry_run=False)
+    assert len((await rig.twins.manager.state("r1")).labels) == MAX_LABELS
 
 
 @on_both
@@ -176,13 +176,13 @@ async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig
     robots = rig.fleet.robots.values()
     await rig.work(lambda: all(r.state == "applied" and b"5000" in r.document for r in robots))
     rates = {}
-    for state in await rig.twins.desk.states(Selector.parse(""), lambda robot: True):
+    for state in await rig.twins.manager.states(Selector.parse(""), lambda robot: True):
         rates[state.desired.robot] = orjson.loads(state.desired.document)["topics"]["camera"]["rate_hz"]
     assert rates == {"a1": 5.0, "a2": 1.0, "b1": 9.0}
-    seen = [s.desired.robot for s in await rig.twins.desk.states(Selector.parse("site=lab"), lambda r: r != "a1")]
+    seen = [s.desired.robot for s in await rig.twins.manager.states(Selector.parse("site=lab"), lambda r: r != "a1")]
     assert seen == ["a2"]
     await rig.twins.templates.remove("lab", editor=ADMIN, dry_run=False)
-    assert b"9.0" in (await rig.twins.desk.state("a1")).desired.document
+    assert b"9.0" in (await rig.twins.manager.state("a1")).desired.document
     with pytest.raises(SelectorError):
         await template(rig, "bad", "site==", {})
 
@@ -219,7 +219,7 @@ async def test_a_template_that_would_break_a_robot_changes_none(rig: Rig) -> Non
     with pytest.raises(TwinError, match=r"nodes.lidar: exactly one of .* \(robot a2\)"):
         await template(rig, "lidar", "", LIDAR)
     assert await rig.twins.templates.all() == []
-    assert (await rig.twins.desk.state("a1")).desired.revision == 0
+    assert (await rig.twins.manager.state("a1")).desired.revision == 0
 
 
 async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
@@ -231,7 +231,7 @@ async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
     rig.store.submit(RobotWrite(Robot("r1", labels=robot.labels), 2))
     rig.link("r1")
     await rig.work(lambda: robot.applied == 2 and robot.document == b"{}")
-    await rig.twins.desk.edit("r1", Edit(labels={"site": "lab"}), ADMIN, dry_run=False)
+    await rig.twins.manager.edit("r1", Edit(labels={"site": "lab"}), ADMIN, dry_run=False)
     await rig.work(lambda: robot.applied == 3 and robot.state == "applied")
     assert rig.twins.labels_of("r1") == {"site": "lab"}
 
@@ -246,16 +246,16 @@ async def test_a_robot_that_has_just_connected_is_known_before_the_store_has_wri
     writing = asyncio.ensure_future(rig.store.run(hold))
     assert await asyncio.to_thread(begun.wait, 60)
     rig.store.submit(RobotWrite(Robot("new", labels={"site": "lab"}), 1))
-    looking = [asyncio.ensure_future(rig.twins.desk.state("new"))]
-    looking.append(asyncio.ensure_future(rig.twins.desk.history("new", limit=1)))
-    looking.append(asyncio.ensure_future(rig.twins.desk.edit("new", Edit(patch=LIDAR), ADMIN, dry_run=True)))
+    looking = [asyncio.ensure_future(rig.twins.manager.state("new"))]
+    looking.append(asyncio.ensure_future(rig.twins.manager.history("new", limit=1)))
+    looking.append(asyncio.ensure_future(rig.twins.manager.edit("new", Edit(patch=LIDAR), ADMIN, dry_run=True)))
     done, _ = await asyncio.wait(looking, timeout=0.05)
     busy.set()
     await writing
     state, history, tried = await asyncio.gather(*looking)
     assert (done, state.labels, history, tried.changed) == (set(), {"site": "lab"}, [], True)
-    trial = rig.twins.desk.edit("nobody", Edit(patch=LIDAR), ADMIN, dry_run=True)
-    for look in (rig.twins.desk.state("nobody"), rig.twins.desk.history("nobody", limit=1), trial):
+    trial = rig.twins.manager.edit("nobody", Edit(patch=LIDAR), ADMIN, dry_run=True)
+    for look in (rig.twins.manager.state("nobody"), rig.twins.manager.history("nobody", limit=1), trial):
         with pytest.raises(UnknownRobotError):
             await look
 
@@ -277,13 +277,13 @@ async def test_many_at_once_or_none(rig: Rig) -> None:
         await rig.robot(f"r{number}", site="lab" if number < 3 else "hall")
     edit = Edit(patch={"budget": {"bytes_per_s": 4000}})
     every = {"sees": lambda robot: robot != "r0", "dry_run": False}
-    outcomes = await rig.twins.desk.edit_many(Selector.parse("site=lab"), edit, OPERATOR, **every)
+    outcomes = await rig.twins.manager.edit_many(Selector.parse("site=lab"), edit, OPERATOR, **every)
     assert [item.after.robot for item in outcomes if item.changed] == ["r1", "r2"]
     await patch(rig, "r4", {"nodes": {"x": {"allowed": "x"}}})
     partial = Edit(patch={"nodes": {"x": {"nice": 3}}})
     with pytest.raises(TwinError, match=r"\(robot r1, r2, r3\)"):
-        await rig.twins.desk.edit_many(Selector.parse(""), partial, OPERATOR, **every)
-    assert (await rig.twins.desk.state("r4")).desired.revision == 1
+        await rig.twins.manager.edit_many(Selector.parse(""), partial, OPERATOR, **every)
+    assert (await rig.twins.manager.state("r4")).desired.revision == 1
 
 
 @on_both
@@ -291,13 +291,13 @@ async def test_going_back_and_the_history(rig: Rig) -> None:
     await rig.robot("r1")
     for rate in (1000, 2000, 3000):
         await patch(rig, "r1", {"budget": {"bytes_per_s": rate}}, Editor(name=f"by {rate}", reason="why not"))
-    outcome = await rig.twins.desk.revert("r1", 1, OPERATOR, dry_run=False)
+    outcome = await rig.twins.manager.revert("r1", 1, OPERATOR, dry_run=False)
     assert (outcome.after.revision, outcome.after.own) == (4, b'{"budget":{"bytes_per_s":1000}}')
-    entries = await rig.twins.desk.history("r1", limit=3)
+    entries = await rig.twins.manager.history("r1", limit=3)
     assert [(item.revision, item.author) for item in entries] == [(4, "olga"), (3, "by 3000"), (2, "by 2000")]
     with pytest.raises(UnknownRevisionError):
-        await rig.twins.desk.revert("r1", 77, OPERATOR, dry_run=False)
-    assert (await rig.twins.desk.revert("r1", 0, OPERATOR, dry_run=False)).after.document == b"{}"
+        await rig.twins.manager.revert("r1", 77, OPERATOR, dry_run=False)
+    assert (await rig.twins.manager.revert("r1", 0, OPERATOR, dry_run=False)).after.document == b"{}"
 
 
 async def test_what_a_robot_went_back_from_is_not_sent_again(rig: Rig) -> None:
@@ -311,13 +311,13 @@ async def test_what_a_robot_went_back_from_is_not_sent_again(rig: Rig) -> None:
     assert robot.window_over()
     sent = len(robot.seen)
     rig.link("r1")
-    state = await rig.twins.desk.state("r1")
+    state = await rig.twins.manager.state("r1")
     assert not state.in_step
     assert [change.path for change in state.behind] == ["/budget"]
     await patch(rig, "r1", {"budget": {"bytes_per_s": 2000}})
     await rig.work(lambda: robot.applied == 3 and robot.state == "applied")
     assert robot.seen[sent:] == [3]
-    again = await rig.twins.desk.edit("r1", Edit(again=True), OPERATOR, dry_run=False)
+    again = await rig.twins.manager.edit("r1", Edit(again=True), OPERATOR, dry_run=False)
     assert again.after.revision == 4
     await rig.work(lambda: robot.applied == 4 and robot.state == "applied")
 
@@ -351,9 +351,9 @@ async def test_a_lying_robot_harms_only_itself(rig: Rig) -> None:
     for frame in hostile:
         rig.twins.on_report("r1", frame)
         if frame.state.startswith("nonsense"):  # nobody knows that it is done
-            assert rig.twins.book.reported["r1"].state == "applying"
-    assert rig.twins.desk.reported_of("r1") == {}
-    await rig.twins.book.save()
+            assert rig.twins.cache.reported["r1"].state == "applying"
+    assert rig.twins.manager.reported_of("r1") == {}
+    await rig.twins.cache.save()
     await patch(rig, "r1", LIDAR)
     await patch(rig, "r2", LIDAR)
     await rig.work(lambda: robot.applied == 4 and other.applied == 1)
@@ -366,9 +366,9 @@ async def test_reports_are_there_after_a_restart(store_url: str, tmp_path: Path)
         await one.work(lambda: robot.applied == 1 and robot.state == "applied")
         await one.twins.close()
     async with rig_on(store_url, tmp_path / "data") as two:
-        state = await two.twins.desk.state("r1")
+        state = await two.twins.manager.state("r1")
         assert state.in_step
-        assert two.twins.desk.reported_of("r1") == {"documents": 1}
+        assert two.twins.manager.reported_of("r1") == {"documents": 1}
 
 
 async def test_what_robots_report_has_a_bound_in_memory_and_none_is_lost(rig: Rig) -> None:
@@ -381,11 +381,11 @@ async def test_what_robots_report_has_a_bound_in_memory_and_none_is_lost(rig: Ri
         rig.fleet.robots.get(name) or rig.fleet.add(name)
         rig.twins.on_report(name, link_pb2.TwinReport(state="applied", reported=values))
     rig.twins.on_report("last", link_pb2.TwinReport(state="applied", reported=b'{"x":1}'))
-    assert rig.twins.desk.reported_of("last") == {"x": 1}
-    assert rig.twins.desk.reported_of("r0") is None
-    held = sum(len(rig.twins.book.last(f"r{number}").reported) for number in range(count))  # type: ignore[union-attr]
+    assert rig.twins.manager.reported_of("last") == {"x": 1}
+    assert rig.twins.manager.reported_of("r0") is None
+    held = sum(len(rig.twins.cache.last(f"r{number}").reported) for number in range(count))  # type: ignore[union-attr]
     assert LIMITS.twin_values_bytes - 2 * size < held <= LIMITS.twin_values_bytes
-    await rig.twins.book.save()
-    stored = (await rig.twins.desk.state("r0")).reported
+    await rig.twins.cache.save()
+    stored = (await rig.twins.manager.state("r0")).reported
     assert stored is not None
     assert stored.reported == values

@@ -11,18 +11,18 @@ from typing import Any
 from tuf.api.exceptions import DownloadHTTPError
 from tuf.ngclient import FetcherInterface, Updater
 
+from gateway.fleet.updates import offline
+from gateway.fleet.updates.publish import Upload
+from gateway.fleet.updates.repository import Repository
 from gateway.identity.master import MasterKey
-from gateway.objects import DirectoryStore
 from gateway.store import Store
+from gateway.store.fleet.updates import StoredBundle
+from gateway.store.objects import DirectoryStore
 from gateway.store.retention import Retention
-from gateway.store.updates import StoredBundle
-from gateway.updates import offline
-from gateway.updates.publish import Upload
-from gateway.updates.repository import Repository
 from metaros.clock import Clock, SystemClock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
-from tests.support.bundles import make_bundle
+from tests.support.deployment.bundles import make_bundle
 
 SECRET = b"correct horse"
 KEY = bytes(range(32))
@@ -51,7 +51,7 @@ async def repository(
     )
     store.start()
     made = Repository(store, stored, MasterKey(key), folder / "incoming", clock=clock, limits=limits)
-    made.shelf.clean()
+    made.uploads.clean()
     try:
         yield made
     finally:
@@ -67,7 +67,7 @@ async def upload(made: Repository, path: Path, *, group: str = "") -> StoredBund
         for start in range(0, len(data), 777):
             yield data[start : start + 777]
 
-    return await made.shelf.take(pieces(), group=group, by="test")
+    return await made.uploads.take(pieces(), group=group, by="test")
 
 
 async def publish_folder(made: Repository, people: Path) -> dict[str, int]:

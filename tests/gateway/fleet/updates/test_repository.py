@@ -14,14 +14,14 @@ import pytest
 from tuf.api.metadata import Metadata, Root, Snapshot, Targets, Timestamp
 
 from gateway.errors import BodyTooLargeError, TooManyError
-from gateway.updates import offline
-from gateway.updates.errors import NoRootError, UnknownUpdateError, UpdateRefusedError, WithdrawnError
-from gateway.updates.publish import Upload
-from metaros.bundle import BundleError
+from gateway.fleet.updates import offline
+from gateway.fleet.updates.errors import NoRootError, UnknownUpdateError, UpdateRefusedError, WithdrawnError
+from gateway.fleet.updates.publish import Upload
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ConfigError
+from metaros.fleet.bundle import BundleError
 from metaros.limits import LIMITS
-from tests.gateway.updates.repositories import (
+from tests.gateway.fleet.updates.repositories import (
     Robot,
     passphrase,
     publish_folder,
@@ -30,9 +30,9 @@ from tests.gateway.updates.repositories import (
     ship,
     upload,
 )
-from tests.support.bundles import WHEEL, make_bundle
-from tests.support.databases import on_both
-from tests.support.postgres import PostgresServer
+from tests.support.deployment.bundles import WHEEL, make_bundle
+from tests.support.servers.databases import on_both
+from tests.support.servers.postgres import PostgresServer
 
 PATH = "nodes/lidar-node/1.0.0.zip"
 DAY_NS = 86_400 * 10**9

@@ -6,12 +6,12 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from gateway.fleet.updates.tokens import FetchTokens
 from gateway.store import Store
 from gateway.store.retention import Retention
-from gateway.updates.tokens import FetchTokens
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 
 NOW_NS = 1_800_000_000 * 10**9
 
@@ -39,11 +39,11 @@ async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer)
         tokens(tmp_path / "b", url, clock, identities) as second,
     ):
         text = first.make("r1.lab")
-        for door in (first, second):
-            found = await door.by_key(text)
+        for authenticator in (first, second):
+            found = await authenticator.by_key(text)
             assert found is not None
             assert (found.kind, found.id, found.robots) == ("robot", "r1.lab", ("r1.lab",))
-            assert await door.by_session(text) is None
+            assert await authenticator.by_session(text) is None
         clock.advance(LIMITS.fetch_token_s - 1)
         assert await second.by_key(text) is not None
         clock.advance(1)
@@ -63,12 +63,12 @@ async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer)
 
 async def test_a_token_ends_with_its_day(tmp_path: Path) -> None:
     clock = ManualClock(wall_ns=NOW_NS)
-    async with tokens(tmp_path, "", clock, {}) as door:
-        text = door.make("r1")
+    async with tokens(tmp_path, "", clock, {}) as authenticator:
+        text = authenticator.make("r1")
         clock.advance(LIMITS.fetch_token_s - 1)
-        assert await door.by_key(text) is not None
+        assert await authenticator.by_key(text) is not None
         clock.advance(1)
-        assert await door.by_key(text) is None
+        assert await authenticator.by_key(text) is None
 
 
 async def test_another_store_has_another_secret(tmp_path: Path) -> None:

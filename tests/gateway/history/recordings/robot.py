@@ -50,17 +50,17 @@ class RecordingRobot(ScriptedAgent):
 
     async def deliver(self, recording_id: str, blob: bytes, *, part_bytes: int = PART) -> link_pb2.RecordingWanted:
         """Send all of an offered file as an agent does; the gateway's last word."""
-        sent, told = 0, -1
+        sent, reported = 0, -1
         while True:
             wanted = await self.wanted()
             if wanted.recording_id != recording_id:
                 continue
             if wanted.stored or wanted.unwanted:
                 return wanted
-            if wanted.offset <= told or told < 0:
+            if wanted.offset <= reported or reported < 0:
                 sent = wanted.offset
-            told = wanted.offset
-            while sent < len(blob) and sent < told + LIMITS.recording_window_bytes:
+            reported = wanted.offset
+            while sent < len(blob) and sent < reported + LIMITS.recording_window_bytes:
                 await self.part(recording_id, blob, sent, part_bytes)
                 sent = min(len(blob), sent + part_bytes)
 

@@ -13,13 +13,13 @@ import httpx
 import pytest
 import pytest_asyncio
 
-from gateway.api import models_recordings as models
+from gateway.api.models import recordings as models
+from gateway.history.recordings.partial_files import PartialFile
 from gateway.main import Ready
-from gateway.recordings.incoming import PartialFile
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from tests.gateway.harness import BACKFILL, CONTROL, DATA, channel, client, running_gateway
-from tests.gateway.recordings.robot import PART, RecordingRobot, content
+from tests.gateway.history.recordings.robot import PART, RecordingRobot, content
 from tests.support.waiting import wait_until_async
 
 shared = pytest.mark.asyncio(loop_scope="module")
@@ -364,9 +364,9 @@ async def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: py
                     assert (await agent.next("ack", DATA)).ack.watermarks[0].seq == 1
             finally:
                 go_on.set()
-            told = (await robot.wanted()).offset
-            while (again := (await robot.wanted()).offset) > told:
-                told = again
+            reported = (await robot.wanted()).offset
+            while (again := (await robot.wanted()).offset) > reported:
+                reported = again
             assert again % PART == 0  # sent back to what is on the disk
             await robot.offer(asked["id"], BLOB)
             assert (await robot.deliver(asked["id"], BLOB)).stored
@@ -384,8 +384,8 @@ async def test_times_that_no_calendar_shows(ready: Ready, http: httpx.AsyncClien
             await robot.send(CONTROL, statistics=link_pb2.TopicStatistics(link=link_pb2.LinkStatistics(black_box=box)))
             facts = {"size_bytes": size_bytes, "quota_bytes": 7, "lost": 1}
             async with asyncio.timeout(60):
-                while (told := (await http.get(f"/api/v1/robots/{name}")).json()["link"]["black_box"]) is None or (
-                    told["size_bytes"] != size_bytes
+                while (reported := (await http.get(f"/api/v1/robots/{name}")).json()["link"]["black_box"]) is None or (
+                    reported["size_bytes"] != size_bytes
                 ):
                     continue
-            assert told == {"from": None, "to": "1970-01-01T00:00:01.000Z", **facts}
+            assert reported == {"from": None, "to": "1970-01-01T00:00:01.000Z", **facts}

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from gateway.identity.local import LOCAL_KEY_FILE
+from gateway.history.recordings import manager
+from gateway.identity.local_key import LOCAL_KEY_FILE
 from gateway.main import Ready
-from gateway.recordings import desk
 from tests.gateway.harness import client, running_gateway
-from tests.gateway.recordings.robot import PART, RecordingRobot, content
-from tests.gateway.recordings.test_flow import in_state, save, when
-from tests.support.gateway_process import running
-from tests.support.postgres import PostgresServer
+from tests.gateway.history.recordings.robot import PART, RecordingRobot, content
+from tests.gateway.history.recordings.test_flow import in_state, save, when
+from tests.support.gateways.gateway_process import running
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 BLOB = content(5 * 1024 * 1024 + 3)
@@ -24,7 +24,7 @@ BLOB = content(5 * 1024 * 1024 + 3)
 @pytest.fixture(autouse=True)
 def attentive(monkeypatch: pytest.MonkeyPatch) -> None:
     """A gateway learns of the other's deeds by looking; here it need not be waited for."""
-    monkeypatch.setattr(desk, "LOOK_S", 0.1)
+    monkeypatch.setattr(manager, "LOOK_S", 0.1)
 
 
 async def test_a_robot_that_moves_starts_at_what_the_other_gateway_has(

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.recording import FAILED, REQUESTED, STORED, Recording
-from gateway.recordings.asking import Asking
+from gateway.domain.fleet.recording import FAILED, REQUESTED, STORED, Recording
+from gateway.history.recordings.robot_requests import RobotRequests
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
 
@@ -44,11 +44,11 @@ async def test_a_recording_that_is_over_or_gone_meanwhile_is_not_asked_for(meanw
         return link_pb2.CommandResult(ok=True)
 
     rows: Any = Rows(meanwhile)
-    asking = Asking(rows, command, online=lambda _robot: True, spawn=begun.append, clock=ManualClock())
-    asking.ask(ASKED)
+    requests = RobotRequests(rows, command, online=lambda _robot: True, spawn=begun.append, clock=ManualClock())
+    requests.ask(ASKED)
     await begun.pop()
     assert (cut, rows.row) == ([], meanwhile)
     rows.row = ASKED  # an asking that ended so is over: the next one begins
-    asking.ask(ASKED)
+    requests.ask(ASKED)
     await begun.pop()
     assert cut == ["01J"]

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import StoreError
-from gateway.recordings.incoming import Incoming, PartialFile
-from gateway.recordings.transfer import Budget, Transfer, TransferHooks
+from gateway.history.recordings.partial_files import PartialFile, PartialFiles
+from gateway.history.recordings.transfer import Budget, Transfer, TransferHooks
 from metaros._proto import link_pb2
 
 WINDOW = 64
@@ -28,7 +28,7 @@ class Rig:
     """A transfer, and what it told."""
 
     def __init__(self, folder: Path, *, budget: int = 10_000, reserve_bytes: int = 0, sha256: str = SHA) -> None:
-        self.partial = Incoming(folder, reserve_bytes=reserve_bytes).file(RID, sha256=sha256, size_bytes=len(BLOB))
+        self.partial = PartialFiles(folder, reserve_bytes=reserve_bytes).file(RID, sha256=sha256, size_bytes=len(BLOB))
         self.told: list[int] = []
         self.said: list[str] = []
         self.budget = Budget(budget)
@@ -206,7 +206,7 @@ async def test_stopped_in_the_middle(tmp_path: Path) -> None:
 
 
 def test_a_failed_write_adds_nothing(tmp_path: Path) -> None:
-    partial = Incoming(tmp_path, reserve_bytes=0).file(RID, sha256=SHA, size_bytes=256)
+    partial = PartialFiles(tmp_path, reserve_bytes=0).file(RID, sha256=SHA, size_bytes=256)
     assert partial.append(0, [b"abc", b"def"]) == 6
     with pytest.raises(StoreError, match="full"):
         PartialFile(partial.path, reserve_bytes=1 << 62).append(6, [b"x"])
@@ -218,7 +218,7 @@ def test_a_failed_write_adds_nothing(tmp_path: Path) -> None:
 
 
 def test_no_byte_is_taken_of_what_is_kept_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    partial = Incoming(tmp_path, reserve_bytes=100).file(RID, sha256=SHA, size_bytes=256)
+    partial = PartialFiles(tmp_path, reserve_bytes=100).file(RID, sha256=SHA, size_bytes=256)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=106 - partial.size()))
     assert partial.append(0, [b"abc"]) == 3
     with pytest.raises(StoreError, match="full"):
@@ -227,7 +227,7 @@ def test_no_byte_is_taken_of_what_is_kept_free(tmp_path: Path, monkeypatch: pyte
 
 
 def test_another_content_is_another_file(tmp_path: Path) -> None:
-    incoming = Incoming(tmp_path, reserve_bytes=0)
+    incoming = PartialFiles(tmp_path, reserve_bytes=0)
     one = incoming.file(RID, sha256="11" * 32, size_bytes=10)
     one.append(0, [b"12345"])
     assert incoming.file(RID, sha256="22" * 32, size_bytes=10).size() == 0

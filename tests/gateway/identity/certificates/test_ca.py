@@ -14,7 +14,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from cryptography.x509.verification import PolicyBuilder, Store
 
 from gateway.errors import IdentityError
-from gateway.identity.ca import (
+from gateway.identity.certificates.ca import (
     Authority,
     issue_robot,
     issue_server,
@@ -24,7 +24,7 @@ from gateway.identity.ca import (
     pem,
     supplied,
 )
-from gateway.identity.certificates import load_certificate, read_robot, robot_uri
+from gateway.identity.certificates.parsing import load_certificate, read_robot, robot_uri
 from metaros.clock import SystemClock
 from metaros.errors import ConfigError
 from tests.gateway.identity.robot_keys import KEYS, new_key

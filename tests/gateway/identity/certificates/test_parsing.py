@@ -9,7 +9,7 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.errors import IdentityError
-from gateway.identity.certificates import check_csr, key_id, load_certificate, robot_uri
+from gateway.identity.certificates.parsing import check_csr, key_id, load_certificate, robot_uri
 from tests.gateway.identity.robot_keys import KEYS, ask, der, new_key
 
 URI = robot_uri("fleet", "arm")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import IdentityError
-from gateway.identity.tokens import make_token, parse_token
+from gateway.identity.certificates.tokens import make_token, parse_token
 
 PIN = "A" * 43
 

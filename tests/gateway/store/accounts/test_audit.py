@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from gateway.errors import StoreError
-from gateway.store.audit import AuditEvent, append, read_head, read_page
+from gateway.store.accounts.audit import AuditEvent, append, read_head, read_page
 from gateway.store.engine import StoreEngine, placeholders
 from gateway.store.ledger import in_transaction
 from tests.gateway.store.audit_log import COLUMNS, ROWS, event, prove, tamper

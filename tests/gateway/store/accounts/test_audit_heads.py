@@ -8,12 +8,12 @@ import orjson
 import pytest
 
 from gateway.identity.master import MasterKey
-from gateway.objects import ObjectStore, open_objects
-from gateway.store.audit import AuditEvent, append
-from gateway.store.audit_heads import check_heads, export_head, head_names
-from gateway.store.check import check
+from gateway.store.accounts.audit import AuditEvent, append
+from gateway.store.accounts.audit_heads import check_heads, export_head, head_names
 from gateway.store.engine import StoreEngine
+from gateway.store.integrity.check import check
 from gateway.store.ledger import in_transaction
+from gateway.store.objects import ObjectStore, open_objects
 from tests.gateway.store.audit_log import ROWS, event, prove, tamper
 
 NOW_NS = 10**18

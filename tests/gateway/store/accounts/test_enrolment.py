@@ -12,9 +12,7 @@ import pytest
 
 from gateway.domain.identity import NewCertificate, TokenState
 from gateway.errors import IdentityError, TooManyError
-from gateway.store.engine import StoreEngine
-from gateway.store.engines import open_engine
-from gateway.store.enrolment import (
+from gateway.store.accounts.enrolment import (
     RETRY_S,
     Outcome,
     add_token,
@@ -24,7 +22,7 @@ from gateway.store.enrolment import (
     remove_token,
     renew_certificate,
 )
-from gateway.store.identities import (
+from gateway.store.accounts.identities import (
     StoredAuthority,
     add_authority,
     changed_identities,
@@ -32,8 +30,10 @@ from gateway.store.identities import (
     list_identities,
     revoke_identity,
 )
+from gateway.store.engine import StoreEngine
+from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 NOW = 1_700_000_000_000_000_000
@@ -255,7 +255,7 @@ def test_a_token_of_the_future_waits_for_the_clock(engine: StoreEngine) -> None:
     assert code(lambda: enrol(engine, "t1", certificate(), at_ns=NOW + 10 * HOUR)) == ""
 
 
-def test_a_guess_is_told_apart_without_writing(engine: StoreEngine) -> None:
+def test_a_guess_is_reported_apart_without_writing(engine: StoreEngine) -> None:
     token(engine)
     with engine.transaction(write=False):
         check_token(engine, "t1", "hash of t1")

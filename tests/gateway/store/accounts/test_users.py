@@ -10,9 +10,9 @@ import pytest
 
 from gateway.domain.account import ApiKey, Session, User
 from gateway.domain.principal import Role
-from gateway.store import accounts, api_keys, sessions
+from gateway.store.accounts import api_keys, sessions, users
+from gateway.store.accounts.sessions import Failures
 from gateway.store.engine import StoreEngine
-from gateway.store.sessions import Failures
 
 NOW_NS = 1_700_000_000 * 10**9
 
@@ -48,47 +48,47 @@ def key(key_id: str, user_id: str | None = "id-ada") -> ApiKey:
 
 def test_a_user_comes_back_as_it_went_in(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        assert accounts.add_user(engine, user())
-        assert not accounts.add_user(engine, replace(user(), id="other"))
-        assert accounts.add_user(engine, replace(user("bob"), external="https://idp 42"))
+        assert users.add_user(engine, user())
+        assert not users.add_user(engine, replace(user(), id="other"))
+        assert users.add_user(engine, replace(user("bob"), external="https://idp 42"))
     with engine.transaction(write=True):
-        assert accounts.find_user(engine, "ada") == user()
-        assert accounts.get_user(engine, "id-bob") == accounts.find_external(engine, "https://idp 42")
-        assert accounts.find_user(engine, "Ada") is None
-        assert [item.name for item in accounts.list_users(engine, limit=10)] == ["ada", "bob"]
+        assert users.find_user(engine, "ada") == user()
+        assert users.get_user(engine, "id-bob") == users.find_external(engine, "https://idp 42")
+        assert users.find_user(engine, "Ada") is None
+        assert [item.name for item in users.list_users(engine, limit=10)] == ["ada", "bob"]
 
 
 def test_changes(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
-        assert accounts.change_user(engine, "id-ada", role=Role.ADMIN, robots=("*",), disabled=True, password="p")
-        assert not accounts.change_user(engine, "nobody", disabled=True)
+        users.add_user(engine, user())
+        assert users.change_user(engine, "id-ada", role=Role.ADMIN, robots=("*",), disabled=True, password="p")
+        assert not users.change_user(engine, "nobody", disabled=True)
         with pytest.raises(ValueError, match="columns"):
-            accounts.change_user(engine, "id-ada", name="eve")
-        found = accounts.get_user(engine, "id-ada")
+            users.change_user(engine, "id-ada", name="eve")
+        found = users.get_user(engine, "id-ada")
     assert found == replace(user(), role=Role.ADMIN, robots=("*",), disabled=True, password="p")
     assert "p" not in repr(found).split("password")
 
 
 def test_only_admins_who_may_sign_in_count(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        assert not accounts.has_admin(engine)
-        accounts.add_user(engine, user("eve", Role.ADMIN))
-        accounts.change_user(engine, "id-eve", disabled=True)
-        assert (accounts.has_admin(engine), accounts.count_admins(engine)) == (False, 0)
-        accounts.add_user(engine, user("ada", Role.ADMIN))
-        assert (accounts.has_admin(engine), accounts.count_admins(engine)) == (True, 1)
+        assert not users.has_admin(engine)
+        users.add_user(engine, user("eve", Role.ADMIN))
+        users.change_user(engine, "id-eve", disabled=True)
+        assert (users.has_admin(engine), users.count_admins(engine)) == (False, 0)
+        users.add_user(engine, user("ada", Role.ADMIN))
+        assert (users.has_admin(engine), users.count_admins(engine)) == (True, 1)
 
 
 def test_a_user_goes_with_all_that_is_theirs(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
         for name in ("ada", "bob"):
-            accounts.add_user(engine, user(name))
+            users.add_user(engine, user(name))
             sessions.add_session(engine, replace(session(1, f"id-{name}"), id=f"s-{name}"), keep=8)
             sessions.add_link(engine, f"l-{name}", f"id-{name}", expires_ns=NOW_NS + 9)
             api_keys.add_key(engine, key(f"k-{name}", f"id-{name}"))
-        accounts.remove_user(engine, "id-ada")
-        assert accounts.get_user(engine, "id-ada") is None
+        users.remove_user(engine, "id-ada")
+        assert users.get_user(engine, "id-ada") is None
         assert sessions.find_session(engine, "s-ada") is None
         assert sessions.take_link(engine, "l-ada", now_ns=NOW_NS) is None
         assert [item.id for item in api_keys.list_keys(engine, limit=9)] == ["k-bob"]
@@ -97,7 +97,7 @@ def test_a_user_goes_with_all_that_is_theirs(engine: StoreEngine) -> None:
 
 def test_sessions_are_few_and_end(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
+        users.add_user(engine, user())
         for number in range(6):
             sessions.add_session(engine, session(number), keep=4)
         left = [number for number in range(6) if sessions.find_session(engine, f"s{number}")]
@@ -114,7 +114,7 @@ def test_sessions_are_few_and_end(engine: StoreEngine) -> None:
 def test_a_link_works_once_of_many_who_try(connect: Callable[[], StoreEngine]) -> None:
     engines = [connect() for _ in range(6)]
     with engines[0].transaction(write=True):
-        accounts.add_user(engines[0], user())
+        users.add_user(engines[0], user())
         sessions.add_link(engines[0], "l", "id-ada", expires_ns=NOW_NS + 10)
 
     def take(engine: StoreEngine) -> bool:
@@ -127,14 +127,14 @@ def test_a_link_works_once_of_many_who_try(connect: Callable[[], StoreEngine]) -
 
 def test_a_link_that_is_too_old(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
+        users.add_user(engine, user())
         sessions.add_link(engine, "l", "id-ada", expires_ns=NOW_NS + 10)
         assert sessions.take_link(engine, "l", now_ns=NOW_NS + 10) is None
 
 
 def test_links_of_a_user_are_few(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
+        users.add_user(engine, user())
         for number in range(40):
             sessions.add_link(engine, f"l{number}", "id-ada", expires_ns=NOW_NS + number + 1)
         good = [n for n in range(40) if sessions.take_link(engine, f"l{n}", now_ns=NOW_NS)]
@@ -154,7 +154,7 @@ def test_failures_are_kept_by_name_and_address(engine: StoreEngine) -> None:
 
 def test_the_sweep_takes_what_has_expired_and_bounds_the_rest(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
+        users.add_user(engine, user())
         for number, seen_ns, expires_ns in (
             (1, NOW_NS, NOW_NS + 99),
             (2, NOW_NS - 60, NOW_NS + 99),
@@ -172,7 +172,7 @@ def test_the_sweep_takes_what_has_expired_and_bounds_the_rest(engine: StoreEngin
 
 def test_keys_come_back_as_they_went_in(engine: StoreEngine) -> None:
     with engine.transaction(write=True):
-        accounts.add_user(engine, user())
+        users.add_user(engine, user())
         api_keys.add_key(engine, key("k1"))
         api_keys.add_key(engine, replace(key("k2", None), sealed=None, created_ns=NOW_NS + 1))
         assert api_keys.key_and_owner(engine, "k1") == (key("k1"), user())

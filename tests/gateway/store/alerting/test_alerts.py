@@ -11,15 +11,7 @@ import pytest
 
 from gateway.domain.alert import Alert, AlertFilter, Evidence, Remark
 from gateway.errors import TooManyError
-from gateway.store.alert_talk import (
-    add_remark,
-    add_silence,
-    current_silences,
-    end_silence,
-    list_remarks,
-    read_silence,
-)
-from gateway.store.alerts import (
+from gateway.store.alerting.alerts import (
     alert_revisions,
     find_unresolved,
     list_alerts,
@@ -29,8 +21,16 @@ from gateway.store.alerts import (
     read_alerts,
     save_alert,
 )
+from gateway.store.alerting.remarks import (
+    add_remark,
+    add_silence,
+    current_silences,
+    end_silence,
+    list_remarks,
+    read_silence,
+)
 from gateway.store.engine import StoreEngine
-from tests.gateway.alerts.findings import NOW, S, finding, silence
+from tests.gateway.alerting.alerts.findings import NOW, S, finding, silence
 
 
 def alert(number: int = 1, **more: Any) -> Alert:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.store.alerting.watch_rows import RecentRows, read_recent
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.merge import merge_step
-from gateway.store.watch_rows import RecentRows, read_recent
+from gateway.store.telemetry.merge import merge_step
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, write
 
 S = 10**9
@@ -21,7 +21,7 @@ def put(engine: StoreEngine, first: int, last: int) -> None:
         committer.commit([write(2 * number, *rows)], now_ns=number * S)
 
 
-def told(found: RecentRows) -> list[tuple[str, int, float]]:
+def reported(found: RecentRows) -> list[tuple[str, int, float]]:
     names = [found.series[at][0] for at in found.index.tolist()]
     return list(zip(names, found.stamps.tolist(), found.values.tolist(), strict=True))
 
@@ -32,7 +32,7 @@ def test_rows_since_a_moment(engine: StoreEngine, merged: int) -> None:
     if merged:
         merge_step(engine, max_batches=merged)
     found = read_recent(engine, "r1", start_ns=5 * S, end_ns=7 * S, most=100)
-    assert told(found) == [
+    assert reported(found) == [
         ("host.cpu", 5 * S, 5.0),
         ("battery", 5 * S + 5, -5.0),
         ("host.cpu", 6 * S, 6.0),
@@ -41,7 +41,7 @@ def test_rows_since_a_moment(engine: StoreEngine, merged: int) -> None:
     ]
     assert (found.marks, found.left_out) == ({(0, EPOCH): 16}, 0)
     few = read_recent(engine, "r1", start_ns=0, end_ns=100 * S, most=3)
-    assert [row[2] for row in told(few)] == [-7.0, 8.0, -8.0]
+    assert [row[2] for row in reported(few)] == [-7.0, 8.0, -8.0]
     assert few.left_out == 13
     assert len(read_recent(engine, "nobody", start_ns=0, end_ns=100 * S, most=3)) == 0
 
@@ -54,4 +54,4 @@ def test_what_is_damaged_is_left_out(engine: StoreEngine) -> None:
         broken = "UPDATE metric_chunks SET vals = ? WHERE series = (SELECT series FROM series WHERE name = 'battery')"
         engine.execute(broken, b"\x07")
     found = read_recent(engine, "r1", start_ns=0, end_ns=100 * S, most=100)
-    assert [row[2] for row in told(found)] == [1.0, 2.0, 3.0, 4.0, 5.0, -5.0, 6.0, -6.0]
+    assert [row[2] for row in reported(found)] == [1.0, 2.0, 3.0, 4.0, 5.0, -5.0, 6.0, -6.0]

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.store.engine import StoreEngine
-from gateway.store.presence import say_alive
-from gateway.store.watch_states import (
+from gateway.store.alerting.watch_states import (
     Saved,
     drop_states,
     free_all,
@@ -17,6 +15,8 @@ from gateway.store.watch_states import (
     save_states,
     take_states,
 )
+from gateway.store.engine import StoreEngine
+from gateway.store.fleet.presence import say_alive
 
 NOW = 1_700_000_000 * 10**9
 S = 10**9

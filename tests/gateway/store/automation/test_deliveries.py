@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.domain.delivery import DEAD, DONE, WAITING, DeadFilter, Delivery, Policy, Put, Share
+from gateway.domain.automation.delivery import DEAD, DONE, WAITING, DeadFilter, Delivery, Policy, Put, Share
 from gateway.domain.errors import QueueFullError
-from gateway.store.dead_letters import dead_page, drop_dead, redrive
-from gateway.store.deliveries import (
+from gateway.store.automation.dead_letters import dead_page, drop_dead, redrive
+from gateway.store.automation.deliveries import (
+    AttemptResult,
+    LeaseRequest,
     Ready,
-    Turn,
-    Wish,
     backlog,
     delivery,
     extend,
@@ -26,9 +26,9 @@ from gateway.store.deliveries import (
     release,
     settle,
 )
+from gateway.store.automation.queue_purge import purge_queue
+from gateway.store.automation.queue_totals import totals
 from gateway.store.engine import StoreEngine
-from gateway.store.queue_purge import purge_queue
-from gateway.store.queue_totals import totals
 from gateway.store.schema import ROW_BYTES
 from gateway.store.sqlite import SqliteEngine
 from metaros.errors import TooLargeError
@@ -56,12 +56,14 @@ def leased(
 ) -> list[Delivery]:
     """Lease some of a target."""
     with engine.transaction(write=True):
-        wishes = [Wish("function", target, most)]
+        lease_requests = [LeaseRequest("function", target, most)]
         bytes_ = more.get("most_bytes", 1 << 30)
-        return lease(engine, wishes, holder=holder, now_ns=now_ns, for_ns=LEASE, most_bytes=bytes_)
+        return lease(engine, lease_requests, holder=holder, now_ns=now_ns, for_ns=LEASE, most_bytes=bytes_)
 
 
-def ended(engine: StoreEngine, turns: Sequence[Turn], *, holder: str = A, now_ns: int = NOW + 2 * S) -> list[bool]:
+def ended(
+    engine: StoreEngine, turns: Sequence[AttemptResult], *, holder: str = A, now_ns: int = NOW + 2 * S
+) -> list[bool]:
     """Settle them."""
     with engine.transaction(write=True):
         return settle(engine, turns, holder=holder, gateway="a", now_ns=now_ns)
@@ -78,14 +80,14 @@ def dead(engine: StoreEngine, *puts: Put) -> list[str]:
     ids = stored(engine, *puts)
     for target in dict.fromkeys(item.target for item in puts):
         for place, item in enumerate(leased(engine, target)):
-            turn = Turn(delivery=item, state=DEAD, attempts=3, code="broken", message="no")
+            turn = AttemptResult(delivery=item, state=DEAD, attempts=3, code="broken", message="no")
             assert ended(engine, [turn], now_ns=NOW + (2 + place) * S) == [True]
     return ids
 
 
 def test_what_is_put_is_leased_in_order_with_all_of_it(engine: StoreEngine) -> None:
     policy = Policy(most_attempts=7, most_age_s=60.0, backoff="lambda", first_s=2.0, most_s=9.0)
-    first = one(payload=b"\x00\xff", happening="e-1", robot="r", dedup="d", context={"a": [1]}, policy=policy)
+    first = one(payload=b"\x00\xff", event_id="e-1", robot="r", dedup="d", context={"a": [1]}, policy=policy)
     ids = stored(engine, first, one(payload=b"2"), one("other"))
     found = leased(engine)
     assert [item.id for item in found] == ids[:2]
@@ -98,7 +100,7 @@ def test_the_same_target_and_dedup_is_put_once_also_after_it_is_done(engine: Sto
     ids = stored(engine, one(dedup="x"), one(dedup="x"), one("u", dedup="x"), one())
     assert ids[0] == ids[1] != ids[2]
     assert asked(engine, lambda: totals(engine).live.rows) == 3
-    assert ended(engine, [Turn(delivery=item, state=DONE) for item in leased(engine)]) == [True, True]
+    assert ended(engine, [AttemptResult(delivery=item, state=DONE) for item in leased(engine)]) == [True, True]
     assert stored(engine, one(dedup="x")) == ids[:1]
     assert leased(engine) == []
     assert asked(engine, lambda: totals(engine).done) == Share(1, 0)
@@ -115,7 +117,7 @@ def test_a_full_queue_takes_nothing_and_an_end_makes_room(engine: StoreEngine) -
     with pytest.raises(QueueFullError, match="queue_rows"), engine.transaction(write=True):
         put(engine, [one(), one()], gateway="b", now_ns=NOW, limits=limits)
     (found,) = leased(engine)
-    follow = Turn(delivery=found, state=DONE, puts=[one("next"), one("next"), one("next")])
+    follow = AttemptResult(delivery=found, state=DONE, puts=[one("next"), one("next"), one("next")])
     with engine.transaction(write=True):
         assert settle(engine, [follow], holder=A, gateway="a", now_ns=NOW, limits=limits) == [True]
     assert len(leased(engine, "next")) == 3
@@ -136,9 +138,9 @@ def test_an_expired_lease_goes_to_another_and_its_holder_changes_nothing(engine:
         assert reclaim(engine, now_ns=NOW + 60 * S, limit=10) == [Ready("function", "t", NOW + 60 * S)]
     (theirs,) = leased(engine, holder=B, now_ns=NOW + 61 * S)
     assert (theirs.tries, theirs.losses) == (2, 1)
-    assert ended(engine, [Turn(delivery=mine, state=DONE, puts=[one("follow")])], holder=A) == [False]
+    assert ended(engine, [AttemptResult(delivery=mine, state=DONE, puts=[one("follow")])], holder=A) == [False]
     assert leased(engine, "follow") == []
-    assert ended(engine, [Turn(delivery=theirs, state=DONE)], holder=B) == [True]
+    assert ended(engine, [AttemptResult(delivery=theirs, state=DONE)], holder=B) == [True]
 
 
 def test_a_holder_that_lost_a_lease_and_has_it_again_cannot_end_the_first(engine: StoreEngine) -> None:
@@ -147,8 +149,8 @@ def test_a_holder_that_lost_a_lease_and_has_it_again_cannot_end_the_first(engine
     with engine.transaction(write=True):
         reclaim(engine, now_ns=NOW + 100 * S, limit=10)
     (second,) = leased(engine, now_ns=NOW + 101 * S)
-    assert ended(engine, [Turn(delivery=first, state=DEAD, code="late")]) == [False]
-    assert ended(engine, [Turn(delivery=second, state=DONE)]) == [True]
+    assert ended(engine, [AttemptResult(delivery=first, state=DEAD, code="late")]) == [False]
+    assert ended(engine, [AttemptResult(delivery=second, state=DONE)]) == [True]
     assert asked(engine, lambda: totals(engine).dead.rows) == 0
 
 
@@ -180,7 +182,9 @@ def test_what_keeps_killing_its_gateway_waits_longer_each_time(engine: StoreEngi
 def test_a_retry_waits_until_it_is_due_and_tells_why(engine: StoreEngine) -> None:
     stored(engine, one())
     (found,) = leased(engine)
-    ended(engine, [Turn(delivery=found, state=WAITING, attempts=1, due_ns=NOW + 60 * S, code="c", message="m")])
+    ended(
+        engine, [AttemptResult(delivery=found, state=WAITING, attempts=1, due_ns=NOW + 60 * S, code="c", message="m")]
+    )
     assert leased(engine, now_ns=NOW + 59 * S) == []
     (again,) = leased(engine, now_ns=NOW + 60 * S)
     assert (again.attempts, again.tries, again.code, again.message) == (1, 2, "c", "m")
@@ -280,7 +284,9 @@ def test_two_connections_never_lease_the_same(connect: Callable[[], StoreEngine]
     here, there = connect(), connect()
     ids = stored(here, *(one() for _ in range(4)))
     with here.transaction(write=True):
-        mine = lease(here, [Wish("function", "t", 2)], holder=A, now_ns=NOW + S, for_ns=LEASE, most_bytes=1 << 30)
+        mine = lease(
+            here, [LeaseRequest("function", "t", 2)], holder=A, now_ns=NOW + S, for_ns=LEASE, most_bytes=1 << 30
+        )
         theirs = leased(there, holder=B)  # while the other transaction is open
     assert [item.id for item in mine] == ids[:2]
     assert [item.id for item in theirs] == ids[2:]
@@ -298,7 +304,7 @@ def test_leasing_costs_as_much_with_a_long_backlog_as_with_a_short_one(engine: S
     asking = _Explaining(engine)
     with engine.transaction(write=True):
         ready(asking, "function", limit=8)
-        lease(asking, [Wish("function", "big", 8)], holder=A, now_ns=NOW + S, for_ns=LEASE, most_bytes=1 << 30)
+        lease(asking, [LeaseRequest("function", "big", 8)], holder=A, now_ns=NOW + S, for_ns=LEASE, most_bytes=1 << 30)
         lease_overdue(asking, holder=A, now_ns=NOW, for_ns=LEASE, limit=8)
         reclaim(asking, now_ns=NOW, limit=8)
         release(asking, gateway="a", holder=B, now_ns=NOW)
@@ -313,12 +319,12 @@ def test_a_plan_from_when_the_table_was_small_is_not_kept(engine: StoreEngine) -
     show = "SELECT current_setting('plan_cache_mode')"
     ids = stored(engine, one())
     with engine.transaction(write=True):
-        found = lease(engine, [Wish("function", "t", 1)], holder=A, now_ns=NOW, for_ns=LEASE, most_bytes=1)
+        found = lease(engine, [LeaseRequest("function", "t", 1)], holder=A, now_ns=NOW, for_ns=LEASE, most_bytes=1)
         assert [item.id for item in found] == ids
         assert engine.fetch(show)[0][0] == "force_custom_plan"
     with engine.transaction(write=True):
         assert engine.fetch(show)[0][0] == "auto"
-        settle(engine, [Turn(delivery=found[0], state=DONE)], holder=A, gateway="a", now_ns=NOW)
+        settle(engine, [AttemptResult(delivery=found[0], state=DONE)], holder=A, gateway="a", now_ns=NOW)
         assert engine.fetch(show)[0][0] == "force_custom_plan"
 
 

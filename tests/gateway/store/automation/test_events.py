@@ -7,10 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from gateway.domain.event import Event
+from gateway.domain.automation.event import Event
 from gateway.errors import StoreError
+from gateway.store.automation.events import add_events, event_bounds, newest_events, purge_events, read_events
 from gateway.store.engine import StoreEngine
-from gateway.store.events import add_events, event_bounds, newest_events, purge_events, read_events
 
 
 def some(count: int, *, robot: str = "r1", at_ns: int = 1) -> list[Event]:

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.domain.event import Event
-from gateway.domain.happening import Happening, Replay, Span
+from gateway.domain.automation.event import Event
+from gateway.domain.automation.gateway_event import GatewayEvent, Replay, Span
+from gateway.store.automation.events import add_events
+from gateway.store.automation.gateway_events import Cursor, add_gateway_events, find_gateway_event, read_gateway_events
+from gateway.store.automation.queue_purge import purge_queue
+from gateway.store.automation.queue_totals import totals
+from gateway.store.automation.replays import add_replay, advance_replay, end_replay, read_replay, read_replays
 from gateway.store.engine import StoreEngine
-from gateway.store.events import add_events
-from gateway.store.happenings import Cursor, add_happenings, happening, read_happenings
-from gateway.store.queue_purge import purge_queue
-from gateway.store.queue_totals import totals
-from gateway.store.replays import add_replay, advance_replay, end_replay, read_replay, read_replays
 from metaros.errors import TooLargeError
 from metaros.limits import LIMITS
 
@@ -21,15 +21,15 @@ S = 1_000_000_000
 ALL = Span(from_ns=0, to_ns=1 << 62)
 
 
-def one(name: str, at_s: int, **more: object) -> Happening:
-    """A happening from outside."""
-    return Happening(id=name, type="shop.order", source="shop", at_ns=at_s * S, **more)  # type: ignore[arg-type]
+def one(name: str, at_s: int, **more: object) -> GatewayEvent:
+    """An event from outside."""
+    return GatewayEvent(id=name, type="shop.order", source="shop", at_ns=at_s * S, **more)  # type: ignore[arg-type]
 
 
-def kept(engine: StoreEngine, *some: Happening, now_s: int = 100) -> list[Happening]:
+def kept(engine: StoreEngine, *some: GatewayEvent, now_s: int = 100) -> list[GatewayEvent]:
     """Keep some; the new ones."""
     with engine.transaction(write=True):
-        return add_happenings(engine, some, gateway="a", now_ns=now_s * S)
+        return add_gateway_events(engine, some, gateway="a", now_ns=now_s * S)
 
 
 def journal(engine: StoreEngine, *times: tuple[int, str, str]) -> None:
@@ -44,7 +44,7 @@ def read(engine: StoreEngine, span: Span = ALL, limit: int = 100) -> list[str]:
     found: list[str] = []
     after: Cursor | None = None
     with engine.transaction(write=False):
-        while page := read_happenings(engine, span, after=after, limit=2):
+        while page := read_gateway_events(engine, span, after=after, limit=2):
             after = page[-1][0]
             found += [item.id for _, item in page]
     return found[:limit]
@@ -55,9 +55,9 @@ def test_the_same_source_and_id_is_new_once(engine: StoreEngine) -> None:
     assert kept(engine, first, one("1", 6), one("2", 5)) == [first, one("2", 5)]
     assert kept(engine, one("2", 9), replace(one("1", 9), source="other")) == [replace(one("1", 9), source="other")]
     with engine.transaction(write=False):
-        assert happening(engine, "shop", "1") == first
-        assert happening(engine, "shop", "3") is None
-        assert totals(engine).happenings.rows == 3
+        assert find_gateway_event(engine, "shop", "1") == first
+        assert find_gateway_event(engine, "shop", "3") is None
+        assert totals(engine).gateway_events.rows == 3
 
 
 def test_the_journal_and_the_rest_are_read_together_in_order_of_time(engine: StoreEngine) -> None:
@@ -69,7 +69,7 @@ def test_the_journal_and_the_rest_are_read_together_in_order_of_time(engine: Sto
     assert read(engine, replace(ALL, robots=frozenset({"r1", "r2"}))) == ["e-1", "e-2", "b"]
     assert read(engine, replace(ALL, robots=frozenset())) == []
     with engine.transaction(write=False):
-        found = happening(engine, "metaros", "e-2")
+        found = find_gateway_event(engine, "metaros", "e-2")
     assert found is not None
     assert (found.type, found.robot, found.at_ns) == ("metaros.robot.offline", "r1", 3 * S)
 
@@ -80,7 +80,7 @@ def test_data_over_its_limit_is_refused_and_nothing_is_kept(engine: StoreEngine)
     assert read(engine) == []
 
 
-def test_happenings_go_by_age_and_by_number(engine: StoreEngine) -> None:
+def test_events_go_by_age_and_by_number(engine: StoreEngine) -> None:
     for second in range(4):
         kept(engine, one(str(second), second), now_s=second)
     limits = replace(LIMITS, happenings_s=2.0)

@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.command import CANCELLED, DELIVERED, DONE, ISSUED, Command, new_command_id
 from gateway.domain.errors import IdempotencyConflictError
+from gateway.domain.fleet.command import CANCELLED, DELIVERED, DONE, ISSUED, Command, new_command_id
 from gateway.domain.robot import Robot
 from gateway.errors import TooManyError, UnknownRobotError
-from gateway.store.commands import (
+from gateway.store.commit import Committer
+from gateway.store.engine import StoreEngine
+from gateway.store.fleet.commands import (
     add_command,
     change_command,
     get_command,
@@ -21,8 +23,6 @@ from gateway.store.commands import (
     purge_commands,
     waiting_robots,
 )
-from gateway.store.commit import Committer
-from gateway.store.engine import StoreEngine
 from gateway.store.writes import RobotWrite
 
 NOW_NS = 1_700_000_000 * 10**9

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.domain.node_lease import Held, Step, Unit
+from gateway.domain.fleet.node_lease import Step, Unit, UnitLease
 from gateway.store.engine import StoreEngine
-from gateway.store.leases import read_leases, write_leases
+from gateway.store.fleet.leases import read_leases, write_leases
 
-FIRST = Held(unit=Unit("all", "map"), robot="r1", lease_id="a.1", epoch=1, renewals=1, keeper="a", since_ns=5)
+FIRST = UnitLease(unit=Unit("all", "map"), robot="r1", lease_id="a.1", epoch=1, renewals=1, keeper="a", since_ns=5)
 
 
-def step(before: Held | None, after: Held) -> Step:
+def step(before: UnitLease | None, after: UnitLease) -> Step:
     return Step(before, after, boot_ns=1, heard_s=0.0, until_s=5.0)
 
 
-def write(engine: StoreEngine, *steps: Step) -> list[Held]:
+def write(engine: StoreEngine, *steps: Step) -> list[UnitLease]:
     with engine.transaction(write=True):
         return write_leases(engine, steps)
 

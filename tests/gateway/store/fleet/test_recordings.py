@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.domain.recording import (
+from gateway.domain.fleet.recording import (
     CUTTING,
     FAILED,
     REQUESTED,
@@ -22,7 +22,7 @@ from gateway.errors import TooManyError, UnknownRobotError
 from gateway.store import ledger
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.recordings import (
+from gateway.store.fleet.recordings import (
     add_recording,
     change_recording,
     count_unfinished,

@@ -8,16 +8,16 @@ import io
 import numpy as np
 import pytest
 
-from gateway.objects import ObjectStore
-from gateway.store.check import Damage, Report, check, delete_orphans, last_report, remember
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
+from gateway.store.integrity.check import Damage, Report, check, delete_orphans, last_report, remember
 from gateway.store.ledger import announce, doom, in_transaction, stored, sweep_objects
-from gateway.store.mark import check_mark
-from gateway.store.merge import merge_step
+from gateway.store.object_store_marker import check_marker
+from gateway.store.objects import ObjectStore
 from gateway.store.purge import Purge
 from gateway.store.retention import Retention
+from gateway.store.telemetry.compact import Compaction
+from gateway.store.telemetry.merge import merge_step
 from metaros.clock import ManualClock
 from tests.gateway.store.samples import CPU, gap_write, run_write, write
 
@@ -141,7 +141,7 @@ def test_what_comes_and_goes_is_no_orphan(full: StoreEngine, objects: ObjectStor
 
 
 def test_the_mark_is_used_and_missed(full: StoreEngine, objects: ObjectStore) -> None:
-    check_mark(full, in_transaction(full), objects, clock=ManualClock())
+    check_marker(full, in_transaction(full), objects, clock=ManualClock())
     assert look(full, objects).damage == []
     (mark,) = [info.name for info in objects.names("mark/")]
     objects.delete(mark)

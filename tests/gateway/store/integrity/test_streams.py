@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.store.check_streams import Interval, audit
+from gateway.store.integrity.streams import Interval, audit
 
 
 def row(first_seq: int, last_seq: int, channel: int = 3) -> Interval:

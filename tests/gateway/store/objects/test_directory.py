@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import ObjectRefusedError, ObjectStoreError
-from gateway.objects import DirectoryStore
+from gateway.store.objects import DirectoryStore
 
 
 def put(objects: DirectoryStore, name: str, data: bytes) -> None:

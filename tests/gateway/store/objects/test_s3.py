@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from gateway.errors import ObjectMissingError, ObjectRefusedError, ObjectStoreError
-from gateway.objects import ObjectStore, open_objects
-from tests.support.cutting_proxy import CuttingProxy
-from tests.support.seaweed import SeaweedServer
+from gateway.store.objects import ObjectStore, open_objects
+from tests.support.servers.cutting_proxy import CuttingProxy
+from tests.support.servers.seaweed import SeaweedServer
 
 pytestmark = pytest.mark.integration
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import CorruptObjectError, ObjectMissingError
-from gateway.objects import ObjectStore, check_objects_url, chunks, open_objects
-from gateway.objects.store import check_name
+from gateway.store.objects import ObjectStore, check_objects_url, chunks, open_objects
+from gateway.store.objects.store import check_name
 from metaros.errors import ConfigError
 
 LARGE = np.random.default_rng(6).bytes((8 << 20) * 2 + 12_345)  # three parts on S3

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.store.chunks import ENCODING, PLAIN, EncodedChunk, decode, encode
+from gateway.store.telemetry.chunks import ENCODING, PLAIN, EncodedChunk, decode, encode
 
 STAMPS = st.one_of(
     st.integers(-(2**63), 2**63 - 1),

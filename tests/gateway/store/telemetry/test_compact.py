@@ -10,15 +10,15 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.errors import ObjectStoreError, PurgedError, StoreError
-from gateway.objects import ObjectStore
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engine import StoreEngine
-from gateway.store.history import find_runs, stored_channels, stored_topics
 from gateway.store.ledger import in_transaction, sweep_objects
-from gateway.store.load import RunLoader
-from gateway.store.query import read_streams
-from gateway.store.samples import SampleFilter
+from gateway.store.objects import ObjectStore
+from gateway.store.telemetry.compact import Compaction, CompactPace
+from gateway.store.telemetry.history import find_runs, stored_channels, stored_topics
+from gateway.store.telemetry.load import RunLoader
+from gateway.store.telemetry.query import read_streams
+from gateway.store.telemetry.samples import SampleFilter
 from gateway.store.writes import StreamWrite
 from metaros.clock import ManualClock
 from tests.gateway.store.samples import EPOCH, content, read_samples, run_write

@@ -11,15 +11,15 @@ from typing import BinaryIO
 import pytest
 
 from gateway.errors import ObjectStoreError
-from gateway.objects import DirectoryStore
 from gateway.store import SampleFilter, Store
-from gateway.store.compact import CompactPace
-from gateway.store.compactor import take_lease
 from gateway.store.engine import StoreEngine
+from gateway.store.objects import DirectoryStore
 from gateway.store.retention import Retention
+from gateway.store.telemetry.compact import CompactPace
+from gateway.store.telemetry.compactor import take_lease
 from metaros.clock import SystemClock
 from tests.gateway.store.samples import run_write
-from tests.support.postgres import PostgresServer
+from tests.support.servers.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 QUICK = CompactPace(size_bytes=1000, small_bytes=0, age_s=0.0, look_every_s=0.01, retry_s=0.01, retry_most_s=0.05)

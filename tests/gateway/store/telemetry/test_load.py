@@ -9,14 +9,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gateway.errors import CorruptObjectError, DamagedError, ObjectMissingError
-from gateway.objects import DirectoryStore
 from gateway.store.commit import Committer
-from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engine import StoreEngine
-from gateway.store.history import find_runs, gaps_between, newest_candidates
 from gateway.store.ledger import in_transaction
-from gateway.store.load import RunLoader
-from gateway.store.samples import SampleFilter, StoredRun
+from gateway.store.objects import DirectoryStore
+from gateway.store.telemetry.compact import Compaction, CompactPace
+from gateway.store.telemetry.history import find_runs, gaps_between, newest_candidates
+from gateway.store.telemetry.load import RunLoader
+from gateway.store.telemetry.samples import SampleFilter, StoredRun
 from metaros.clock import ManualClock
 from tests.gateway.store.samples import gap_write, run_write
 

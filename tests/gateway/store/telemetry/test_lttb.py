@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.store.lttb import extremes, lttb
+from gateway.store.telemetry.lttb import extremes, lttb
 
 
-def by_the_book(x: list[float], y: list[float], points: int) -> list[int]:
+def by_the_registry(x: list[float], y: list[float], points: int) -> list[int]:
     """Steinarsson's loops, with buckets cut as ours are."""
     count = len(x)
     cuts = [1 + (count - 2) * number // (points - 2) for number in range(points - 1)]
@@ -35,10 +35,10 @@ def test_it_keeps_what_its_author_keeps(values: list[int], points: int) -> None:
     if len(values) <= points:
         assert kept == list(range(len(values)))
         return
-    book = by_the_book(x.tolist(), y.tolist(), points)
+    registry = by_the_registry(x.tolist(), y.tolist(), points)
     assert (len(kept), kept[0], kept[-1]) == (points, 0, len(values) - 1)
     assert kept == sorted(set(kept))
-    assert kept == book
+    assert kept == registry
 
 
 def test_a_single_peak_is_never_lost() -> None:

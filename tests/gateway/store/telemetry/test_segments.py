@@ -13,9 +13,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from gateway.errors import CorruptObjectError
-from gateway.store import segments
-from gateway.store.samples import StoredBatch
-from gateway.store.segments import RUN_NS, Packed, Segment, open_chunk, pack, unpack
+from gateway.store.telemetry import segments
+from gateway.store.telemetry.samples import StoredBatch
+from gateway.store.telemetry.segments import RUN_NS, Packed, Segment, open_chunk, pack, unpack
 from tests.gateway.store.samples import channel
 
 Made = tuple[int, int, list[bytes], int]

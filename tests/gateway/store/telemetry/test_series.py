@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.store.chunks import PLAIN
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.merge import merge_step
-from gateway.store.query import read_series
-from gateway.store.series import SeriesRange, read_metric_gaps, read_range
 from gateway.store.sqlite import SqliteEngine
+from gateway.store.telemetry.chunks import PLAIN
+from gateway.store.telemetry.merge import merge_step
+from gateway.store.telemetry.query import read_series
+from gateway.store.telemetry.series import SeriesRange, read_metric_gaps, read_range
 from metaros.link import BACKFILL_BIT
 from tests.gateway.store.samples import BATTERY, CPU, everything, gap_write, run_write, write
-from tests.support.sqlite_store import place_store
+from tests.support.servers.sqlite_store import place_store
 
 NAN, INF = float("nan"), float("inf")
 Point = tuple[int, float]

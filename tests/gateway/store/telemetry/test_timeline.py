@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.merge import merge_step
-from gateway.store.timeline import read_density
+from gateway.store.telemetry.merge import merge_step
+from gateway.store.telemetry.timeline import read_density
 from tests.gateway.store.samples import CPU, run_write, write
 
 RANGE = {"start_ns": 1000, "end_ns": 2000, "buckets": 10}

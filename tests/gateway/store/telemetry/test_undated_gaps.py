@@ -9,7 +9,7 @@ import pytest
 from gateway.domain.sample import Gap
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
-from gateway.store.undated import undated_gaps
+from gateway.store.telemetry.undated_gaps import undated_gaps
 from gateway.store.writes import StreamWrite
 from tests.gateway.store.samples import gap_write, run_write
 

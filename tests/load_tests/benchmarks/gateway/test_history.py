@@ -6,15 +6,15 @@ import os
 
 import pytest
 
-from load_tests import bench_history
-from tests.support.postgres import postgres_binaries
+from load_tests.benchmarks.gateway import history
+from tests.support.servers.postgres import postgres_binaries
 
 
 @pytest.mark.parametrize("engine", ["sqlite", pytest.param("postgres", marks=pytest.mark.integration)])
 def test_both_shapes_answer(engine: str, capsys: pytest.CaptureFixture[str]) -> None:
     if engine == "postgres" and postgres_binaries() is None and not os.environ.get("CI"):
         pytest.skip("PostgreSQL is not installed (Debian: apt install postgresql)")
-    assert bench_history.main(["--quick", "--engines", engine]) == 0
+    assert history.main(["--quick", "--engines", engine]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()[1:-1]]
     assert [line[0] for line in lines] == [engine] * 4
     assert [line[4] for line in lines] == ["buckets", "lttb"] * 2
@@ -23,4 +23,4 @@ def test_both_shapes_answer(engine: str, capsys: pytest.CaptureFixture[str]) -> 
 
 def test_a_limit_that_is_not_held_is_an_error() -> None:
     options = ["--rows", "20000", "--queries", "1", "--engines", "sqlite", "--shapes", "one"]
-    assert bench_history.main([*options, "--limit-ms", "0"]) == 1
+    assert history.main([*options, "--limit-ms", "0"]) == 1

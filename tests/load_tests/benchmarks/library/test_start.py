@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from load_tests.bench_start import FLOOR, HERE, Tree, main, wait_for
+from load_tests.benchmarks.library.start import FLOOR, HERE, Tree, main, wait_for
 
 
 def test_trees_take_turns_and_a_program_takes_longer_than_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -19,7 +19,7 @@ def test_trees_take_turns_and_a_program_takes_longer_than_nothing(capsys: pytest
     assert "1 interleaved rounds" in foot
 
 
-def test_a_program_that_does_not_start_is_told(tmp_path: Path) -> None:
+def test_a_program_that_does_not_start_is_reported(tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     process = subprocess.Popen(["false"])
     with pytest.raises(RuntimeError, match="false did not start"):

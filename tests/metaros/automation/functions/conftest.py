@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 
 import pytest_asyncio
 
-from metaros.functions.zygote import Zygote
+from metaros.automation.functions.zygote import Zygote
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")

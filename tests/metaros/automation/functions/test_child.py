@@ -7,16 +7,16 @@ import sys
 
 import pytest
 
-from metaros.functions.zygote import zygote_works
+from metaros.automation.functions.zygote import zygote_works
 
 pytestmark = pytest.mark.skipif(not zygote_works(), reason="Linux")
 
 KEEPER = """
 import os, signal, socket
-from metaros.functions.child import Watched
+from metaros.automation.functions.child import SignalPipe
 
 gateway, control = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-signals = Watched()
+signals = SignalPipe()
 worker = os.fork()
 if worker == 0:
     signals.release()

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
-from metaros.functions.environment import own_entry
-from metaros.functions.probe import probe
-from metaros.functions.sandbox.level import Level
+from metaros.automation.functions.environment import own_entry
+from metaros.automation.functions.probe import probe
+from metaros.automation.functions.sandbox.level import Level
 from metaros.limits import LIMITS
-from tests.support.functions import Bench, running_engine
+from tests.support.functions.functions import Bench, running_engine
 
 ECHO = "def handler(event, context):\n    return event\n"
 CLIENTS = {
@@ -183,15 +183,15 @@ def handler(event, context):
 """
     client = {"custom": {"a": "grün\n"}, "client": {"app_title": "t"}, "env": {}, "w3c": {"traceparent": "00-1"}}
     spec = bench.spec(source, name="named", version="7", memory_mb=192, timeout_s=9.0)
-    told = await bench.returned(spec, request_id="id-1", arn="arn:x", client_context=json.dumps(client))
-    assert told["names"] == ["named", "7", "192"]
-    assert told["call"] == ["id-1", "arn:x"]
-    assert told["logs"][0] == "/aws/lambda/named"
-    assert "/[7]" in told["logs"][1]
-    assert 0 < told["left"] <= 9000
-    assert told["client"] == [{"a": "grün\n"}, "t", {}]
-    assert told["identity"] is None
-    assert told["w3c"] == {"traceparent": "00-1"}
+    reported = await bench.returned(spec, request_id="id-1", arn="arn:x", client_context=json.dumps(client))
+    assert reported["names"] == ["named", "7", "192"]
+    assert reported["call"] == ["id-1", "arn:x"]
+    assert reported["logs"][0] == "/aws/lambda/named"
+    assert "/[7]" in reported["logs"][1]
+    assert 0 < reported["left"] <= 9000
+    assert reported["client"] == [{"a": "grün\n"}, "t", {}]
+    assert reported["identity"] is None
+    assert reported["w3c"] == {"traceparent": "00-1"}
 
 
 async def test_no_client_context(bench: Bench) -> None:
@@ -206,16 +206,16 @@ async def test_the_environment(bench: Bench, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("GATEWAY_SECRET", "s3cret")
     mine = {"MINE": "yes", "AWS_REGION": "eu-central-1"}
     spec = bench.spec("import os\ndef handler(e, c):\n    return dict(os.environ)\n", environment=mine)
-    told = await bench.returned(spec)
-    assert told["MINE"] == "yes"
-    assert told["AWS_REGION"] == "eu-central-1"
-    assert told["AWS_LAMBDA_FUNCTION_NAME"] == spec.name
-    assert told["_HANDLER"] == "app.handler"
-    assert told["TZ"] == ":UTC"
-    assert told["AWS_LAMBDA_INITIALIZATION_TYPE"] == "on-demand"
-    assert told["AWS_EXECUTION_ENV"].startswith("AWS_Lambda_metaros_"), "else AWS's client makes a thread a call"
-    assert "AWS_LAMBDA_MAX_CONCURRENCY" not in told
-    assert "s3cret" not in json.dumps(told)
+    reported = await bench.returned(spec)
+    assert reported["MINE"] == "yes"
+    assert reported["AWS_REGION"] == "eu-central-1"
+    assert reported["AWS_LAMBDA_FUNCTION_NAME"] == spec.name
+    assert reported["_HANDLER"] == "app.handler"
+    assert reported["TZ"] == ":UTC"
+    assert reported["AWS_LAMBDA_INITIALIZATION_TYPE"] == "on-demand"
+    assert reported["AWS_EXECUTION_ENV"].startswith("AWS_Lambda_metaros_"), "else AWS's client makes a thread a call"
+    assert "AWS_LAMBDA_MAX_CONCURRENCY" not in reported
+    assert "s3cret" not in json.dumps(reported)
 
 
 async def test_layers_and_folders(bench: Bench, tmp_path: Path) -> None:
@@ -307,15 +307,15 @@ def handler(e, c):
     assert await bench.returned(spec, False) == "held"
 
 
-async def test_memory_is_told(bench: Bench) -> None:
+async def test_memory_is_reported(bench: Bench) -> None:
     source = "def handler(e, c):\n    global held\n    held = bytearray(b'x' * 40_000_000)\n"
     assert (await bench.invoke(bench.spec(source, memory_mb=256))).max_memory_mb >= 40
 
 
 async def test_many_calls_at_a_time(bench: Bench) -> None:
     spec = bench.spec("import os\ndef handler(e, c):\n    return [e, c.aws_request_id]\n", max_workers=3)
-    told = await asyncio.gather(*(bench.returned(spec, n, request_id=f"call-{n}") for n in range(200)))
-    assert told == [[n, f"call-{n}"] for n in range(200)]
+    reported = await asyncio.gather(*(bench.returned(spec, n, request_id=f"call-{n}") for n in range(200)))
+    assert reported == [[n, f"call-{n}"] for n in range(200)]
 
 
 async def test_a_stream_of_one_piece(bench: Bench) -> None:

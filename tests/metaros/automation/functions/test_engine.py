@@ -17,21 +17,21 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
-from metaros.errors import FieldError, LaunchError, TooLargeError
-from metaros.functions.calls import FunctionSpec, Invocation
-from metaros.functions.faults import (
+from metaros.automation.functions.calls import FunctionSpec, Invocation
+from metaros.automation.functions.errors import (
     ENGINE_FULL,
     RESERVED_FULL,
     EngineClosedError,
     RuntimeRefusedError,
     ThrottledError,
 )
-from metaros.functions.launch import Confinement, Launched, Program, Usage, launch
-from metaros.functions.logs import LogPiece
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote
+from metaros.automation.functions.launch import Confinement, Program, Usage, WorkerProcess, launch
+from metaros.automation.functions.logs import LogPiece
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote
+from metaros.errors import FieldError, LaunchError, TooLargeError
 from metaros.limits import LIMITS
-from tests.support.functions import Bench, alive, running_engine
+from tests.support.functions.functions import Bench, alive, running_engine
 from tests.support.waiting import wait_until_async
 
 PID = "import os\ndef handler(e, c):\n    return os.getpid()\n"
@@ -326,7 +326,7 @@ def handler(e, c):
 
 
 async def test_no_process_is_an_outcome(tmp_path: Path) -> None:
-    async def refuse(program: Program, confinement: Confinement) -> Launched:
+    async def refuse(program: Program, confinement: Confinement) -> WorkerProcess:
         raise LaunchError("no room")
 
     async with running_engine(tmp_path, launch=refuse) as bench:
@@ -355,7 +355,7 @@ async def test_closed_while_a_worker_starts(zygote: Zygote, tmp_path: Path) -> N
 async def test_who_answers_and_asks_for_no_other_call_is_replaced(bench: Bench) -> None:
     source = """
 import os, time
-from metaros.functions import runtime_client
+from metaros.automation.functions.runtime import runtime_client
 def handler(stay, c):
     if stay: never_again()
     return os.getpid()
@@ -426,7 +426,7 @@ async def test_a_call_does_not_pay_for_what_one_before_it_used(zygote: Zygote, t
 
 async def test_the_client_can_be_chosen_by_the_function(bench: Bench) -> None:
     source = "import sys\ndef handler(e, c):\n    return type(c).__module__\n"
-    assert await bench.returned(bench.spec(source)) == "metaros.functions.client_context"
+    assert await bench.returned(bench.spec(source)) == "metaros.automation.functions.runtime.client_context"
     chosen = bench.spec(source, environment={"METAROS_RUNTIME_CLIENT": "awslambdaric"})
     assert await bench.returned(chosen) == "awslambdaric.lambda_context"
     assert [pool.entry for pool in bench.engine.status().pools] == ["metaros", "awslambdaric"]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from metaros.automation.functions.launch import Confinement, Program, launch
+from metaros.automation.functions.plain_process import launch_plain
+from metaros.automation.functions.sandbox.level import Level
 from metaros.errors import LaunchError
-from metaros.functions.launch import Confinement, Program, launch
-from metaros.functions.plain import launch_plain
-from metaros.functions.sandbox.level import Level
-from tests.support.caged import LEVELS, Caged
+from tests.support.functions.sandboxed_worker import LEVELS, SandboxedWorker
 from tests.support.waiting import wait_until_async
 
 ALL = (Level.L0, *LEVELS)
@@ -22,7 +22,7 @@ ALL = (Level.L0, *LEVELS)
 
 @pytest.mark.parametrize("level", ALL, ids=lambda level: level.name)
 async def test_a_worker_answers_prints_and_ends(level: Level, tmp_path: Path) -> None:
-    async with Caged(level, tmp_path / "a") as cage:
+    async with SandboxedWorker(level, tmp_path / "a") as cage:
         assert await cage.ask("print('said')\nresult = 6 * 7") == 42
         assert await cage.ask("import os\nresult = 0 in os.getresuid()") is False  # no function is ever root
         assert cage.output() == b"said\n"
@@ -58,7 +58,7 @@ async def test_code_and_layers_are_where_the_handler_looks(level: Level, tmp_pat
 
 
 async def test_the_log_is_framed(tmp_path: Path) -> None:
-    async with Caged(Level.L3, tmp_path / "a") as cage:
+    async with SandboxedWorker(Level.L3, tmp_path / "a") as cage:
         await cage.ask("import logging\nlogging.getLogger().warning('one\\ntwo')\nresult = 0")
         assert cage.launched.logs is not None
         frame = os.read(cage.launched.logs, 4096)
@@ -81,7 +81,7 @@ async def test_a_plain_process_as_on_other_systems(tmp_path: Path) -> None:
 
 
 async def test_closing_kills(tmp_path: Path) -> None:
-    cage = await Caged(Level.L3, tmp_path / "a").__aenter__()
+    cage = await SandboxedWorker(Level.L3, tmp_path / "a").__aenter__()
     pid = cage.launched.pid
     await cage.__aexit__(None, None, None)
     cage.launched.close()
@@ -91,7 +91,7 @@ async def test_closing_kills(tmp_path: Path) -> None:
 async def test_a_given_user_is_taken_and_root_is_refused(tmp_path: Path) -> None:
     if os.geteuid() != 0:
         pytest.skip("only root becomes somebody else")
-    async with Caged(Level.L2, tmp_path / "a", uid=65534, gid=65534) as cage:
+    async with SandboxedWorker(Level.L2, tmp_path / "a", uid=65534, gid=65534) as cage:
         assert await cage.ask("import os\nresult = [*os.getresuid(), *os.getresgid()]") == [65534] * 6
     for level in LEVELS:
         program = Program(handler="app.handler", code_dir=tmp_path / "a" / "code")

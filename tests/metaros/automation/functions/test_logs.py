@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from metaros.automation.functions.calls import FunctionSpec
+from metaros.automation.functions.log_pump import LogPump, ThreadPump
+from metaros.automation.functions.logs import FrameReader, LineReader, LogPiece, WorkerLog
 from metaros.clock import ManualClock
-from metaros.functions.calls import FunctionSpec
-from metaros.functions.log_pump import LogPump, ThreadPump
-from metaros.functions.logs import FrameReader, LineReader, LogPiece, WorkerLog
 from metaros.limits import LIMITS
 from tests.support.tables import cases
 from tests.support.waiting import wait_until_async
@@ -85,7 +85,7 @@ def test_each_call_has_its_own() -> None:
     assert pieces[0] == LogPiece("f", "3", "k", "w", "", 5, "at init\n")
 
 
-def test_a_call_that_writes_nothing_is_told_in_one_piece() -> None:
+def test_a_call_that_writes_nothing_is_reported_in_one_piece() -> None:
     log, pieces = log_and_pieces()
     log.begin("r1")
     log.end("END\n")

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from metaros.automation.functions.package import check_zip, discard, unpack
 from metaros.errors import PackageError
-from metaros.functions.package import check_zip, discard, unpack
 from metaros.limits import LIMITS
 from tests.support.tables import cases
 
@@ -62,7 +62,7 @@ def test_the_facts_of_a_package() -> None:
         ("x" * 41, "at most 40"),
     ],
 )
-def test_names_that_lead_elsewhere_are_refused(name: str, said: str) -> None:
+def test_names_that_lead_remote_are_refused(name: str, said: str) -> None:
     with pytest.raises(PackageError, match=said):
         check_zip(packed(("app.py", b""), (name, b"x")), limits=SMALL)
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.functions.calls import FunctionSpec, Invocation
+from metaros.automation.functions.errors import EngineClosedError
+from metaros.automation.functions.pool import Pool
+from metaros.automation.functions.running_call import RunningCall
 from metaros.clock import ManualClock
-from metaros.functions.calls import FunctionSpec, Invocation
-from metaros.functions.faults import EngineClosedError
-from metaros.functions.pool import Pool
-from metaros.functions.running import Running
 
 
 class FullCrew:
@@ -29,13 +29,15 @@ async def never(*_: object) -> Any:
     raise AssertionError("no worker may be launched")
 
 
-async def test_calls_that_wait_when_all_ends_are_told_why() -> None:
+async def test_calls_that_wait_when_all_ends_are_reported_why() -> None:
     loop = asyncio.get_running_loop()
     spec = FunctionSpec(key="f", name="f", version="1", arn="", handler="app.handler", code_dir=Path("/nowhere"))
-    pool = Pool(spec, entry="metaros", crew=FullCrew(), launch=never, clock=ManualClock())
-    over: list[Running] = []
+    pool = Pool(spec, entry="metaros", quota=FullCrew(), launch=never, clock=ManualClock())
+    over: list[RunningCall] = []
     calls = [
-        Running(spec, Invocation(request_id=name, payload=b""), loop.create_future(), over.append, None, loop.time())
+        RunningCall(
+            spec, Invocation(request_id=name, payload=b""), loop.create_future(), over.append, None, loop.time()
+        )
         for name in ("first", "second")
     ]
     for call in calls:

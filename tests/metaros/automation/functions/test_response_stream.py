@@ -8,9 +8,9 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from metaros.functions.calls import Outcome
-from metaros.functions.faults import EngineClosedError
-from metaros.functions.response_stream import ResponseStream
+from metaros.automation.functions.calls import Outcome
+from metaros.automation.functions.errors import EngineClosedError
+from metaros.automation.functions.response_stream import ResponseStream
 from metaros.limits import LIMITS
 from tests.support.waiting import wait_until_async
 
@@ -101,7 +101,7 @@ async def test_a_reader_that_left_holds_nothing_up(stream: ResponseStream) -> No
     assert source.reads
 
 
-async def test_an_engine_that_closes_is_told(stream: ResponseStream) -> None:
+async def test_an_engine_that_closes_is_reported(stream: ResponseStream) -> None:
     stream.feed(b"a")
     stream.fail(EngineClosedError("closed"))
     assert await anext(stream) == b"a"

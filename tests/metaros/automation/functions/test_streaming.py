@@ -10,9 +10,9 @@ from collections.abc import AsyncIterator
 import pytest
 import pytest_asyncio
 
-from metaros.functions.calls import Invocation, Outcome
+from metaros.automation.functions.calls import Invocation, Outcome
 from metaros.limits import LIMITS
-from tests.support.functions import Bench, running_engine
+from tests.support.functions.functions import Bench, running_engine
 from tests.support.waiting import wait_until_async
 
 pytestmark = pytest.mark.asyncio(loop_scope="module")
@@ -108,14 +108,16 @@ def handler(path, context):
         yield b"x" * 100_000
         with open(path, "w") as f: f.write(str(i))
 """
-    told = bench.shared / "pieces"
-    told.touch()
-    told.chmod(0o666)
-    pieces = bench.engine.stream(bench.spec(source), Invocation(request_id="r", payload=json.dumps(str(told)).encode()))
+    reported = bench.shared / "pieces"
+    reported.touch()
+    reported.chmod(0o666)
+    pieces = bench.engine.stream(
+        bench.spec(source), Invocation(request_id="r", payload=json.dumps(str(reported)).encode())
+    )
     size = len(await anext(pieces))
-    await wait_until_async(lambda: told.read_text() not in ("", "0"))
+    await wait_until_async(lambda: reported.read_text() not in ("", "0"))
     await asyncio.sleep(0.2)  # what could come in this time and does not
-    assert int(told.read_text() or 0) < 199  # what sockets hold is less
+    assert int(reported.read_text() or 0) < 199  # what sockets hold is less
     async for piece in pieces:
         size += len(piece) if isinstance(piece, bytes) else 0
     assert size == 20_000_000
@@ -127,12 +129,12 @@ def handler(path, context):
     for i in range(80): yield b"x" * 100_000
     with open(path, "w") as f: f.write("done")
 """
-    told = bench.shared / "told"
-    told.touch()
-    told.chmod(0o666)
+    reported = bench.shared / "told"
+    reported.touch()
+    reported.chmod(0o666)
     spec = bench.spec(source)
-    pieces = bench.engine.stream(spec, Invocation(request_id="r", payload=json.dumps(str(told)).encode()))
+    pieces = bench.engine.stream(spec, Invocation(request_id="r", payload=json.dumps(str(reported)).encode()))
     await anext(pieces)
     await pieces.aclose()
-    await wait_until_async(lambda: told.read_text() == "done")
+    await wait_until_async(lambda: reported.read_text() == "done")
     await wait_until_async(lambda: not bench.pool(spec).busy)

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.functions.calls import FunctionSpec
+from metaros.automation.functions.worker import InitFailure, Worker
 from metaros.clock import ManualClock
-from metaros.functions.calls import FunctionSpec
-from metaros.functions.worker import InitFailure, Worker
 
 
 class Outline:
@@ -53,7 +53,7 @@ async def test_one_that_asks_for_its_first_call_and_ends_before_it_has_it_has_fa
     spec = FunctionSpec(key="f", name="f", version="1", arn="", handler="app.handler", code_dir=tmp_path)
     home, launched = Telling(), Outline(tmp_path / "tmp")
     process: Any = launched
-    worker = Worker(spec, process, name="w1", home=home, emit=lambda piece: None, clock=ManualClock())
+    worker = Worker(spec, process, name="w1", owner=home, emit=lambda piece: None, clock=ManualClock())
     starting = asyncio.create_task(worker.start(within_s=60.0))
     await asyncio.sleep(0)
     worker.on_ready()

@@ -11,19 +11,19 @@ from pathlib import Path
 
 import pytest
 
+from metaros.automation.functions.launch import Confinement, Program
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote, zygote_works
 from metaros.errors import LaunchError
-from metaros.functions.launch import Confinement, Program
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote, zygote_works
-from tests.support.caged import LEVELS, Caged, here
-from tests.support.processes import started
+from tests.support.functions.sandboxed_worker import LEVELS, SandboxedWorker, here
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until, wait_until_async
 
 pytestmark = [
     pytest.mark.skipif(not zygote_works(), reason="Linux"),
     pytest.mark.asyncio(loop_scope="module"),
 ]
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 
 
 def processes_below(pid: int) -> list[int]:
@@ -50,7 +50,10 @@ async def test_workers_of_one_zygote_answer_and_know_nothing_of_each_other(
     zygote: Zygote, level: Level, tmp_path: Path
 ) -> None:
     assert await here(level)
-    async with Caged(level, tmp_path / "a", zygote=zygote) as a, Caged(level, tmp_path / "b", zygote=zygote) as b:
+    async with (
+        SandboxedWorker(level, tmp_path / "a", zygote=zygote) as a,
+        SandboxedWorker(level, tmp_path / "b", zygote=zygote) as b,
+    ):
         await a.ask("import builtins\nbuiltins.told = 'a'\nresult = 0")
         assert await b.ask("import builtins\nresult = hasattr(builtins, 'told')") is False
         code = "import os\nresult = [os.getuid(), os.environ['AWS_LAMBDA_RUNTIME_API'], os.environ['OWN']]"
@@ -63,7 +66,7 @@ async def test_workers_of_one_zygote_answer_and_know_nothing_of_each_other(
 
 
 async def test_many_workers_at_once(zygote: Zygote, tmp_path: Path) -> None:
-    cages = [Caged(Level.L3, tmp_path / str(index), zygote=zygote) for index in range(8)]
+    cages = [SandboxedWorker(Level.L3, tmp_path / str(index), zygote=zygote) for index in range(8)]
     await asyncio.gather(*(cage.__aenter__() for cage in cages))
     answers = await asyncio.gather(*(cage.ask(f"result = {index}") for index, cage in enumerate(cages)))
     assert answers == list(range(8))
@@ -72,19 +75,19 @@ async def test_many_workers_at_once(zygote: Zygote, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-async def test_how_a_worker_ends_is_told(zygote: Zygote, level: Level, tmp_path: Path) -> None:
+async def test_how_a_worker_ends_is_reported(zygote: Zygote, level: Level, tmp_path: Path) -> None:
     ends = {"os._exit(3)": 3, "os.kill(os.getpid(), 9)": -9, "os.kill(os.getpid(), 11)": -11, "os.abort()": -6}
-    told = {}
+    reported = {}
     for number, code in enumerate(ends):
-        async with Caged(level, tmp_path / str(number), zygote=zygote) as cage:
+        async with SandboxedWorker(level, tmp_path / str(number), zygote=zygote) as cage:
             asking = asyncio.ensure_future(cage.ask(f"import os\n{code}"))
-            told[code] = await cage.launched.wait()
+            reported[code] = await cage.launched.wait()
             asking.cancel()
             await asyncio.gather(asking, return_exceptions=True)
-    assert told == ends
+    assert reported == ends
 
 
-def code_that_ends_when_told(folder: Path) -> Path:
+def code_that_ends_when_reported(folder: Path) -> Path:
     """Of a handler whose worker ends with 3 as soon as there is a file `go` beside it."""
     folder.chmod(0o755)
     (folder / "app.py").write_text("import os\nwhile not os.path.exists('go'):\n    pass\nos._exit(3)\n")
@@ -103,7 +106,7 @@ async def test_a_worker_that_is_gone_before_its_gateway_looks_was_up_all_the_sam
     zygote: Zygote, level: Level, tmp_path: Path
 ) -> None:
     assert await here(level)
-    program = Program(handler="app.handler", code_dir=code_that_ends_when_told(tmp_path), entry="metaros")
+    program = Program(handler="app.handler", code_dir=code_that_ends_when_reported(tmp_path), entry="metaros")
     starting = asyncio.ensure_future(zygote.fork(program, Confinement(level=level, tmp_dir=tmp_path / "tmp")))
     await asyncio.sleep(0)  # it has asked
     see_one_come_and_go(zygote, tmp_path / "go")
@@ -118,7 +121,7 @@ async def test_a_worker_that_is_gone_before_its_gateway_looks_was_up_all_the_sam
 async def test_a_killed_zygote_takes_its_workers_along(level: Level, tmp_path: Path) -> None:
     zygote = Zygote()
     await zygote.start()
-    cage = await Caged(level, tmp_path / "a", zygote=zygote).__aenter__()
+    cage = await SandboxedWorker(level, tmp_path / "a", zygote=zygote).__aenter__()
     tree = processes_below(zygote.pid)
     assert cage.launched.pid in tree
     os.kill(zygote.pid, signal.SIGKILL)
@@ -139,20 +142,20 @@ async def test_a_killed_gateway_leaves_no_process(tmp_path: Path) -> None:
 def kill_a_gateway(tmp_path: Path) -> None:
     """And wait until all that it had is gone."""
     levels = [str(int(level)) for level in LEVELS]
-    command = [sys.executable, "-m", "tests.support.doomed_gateway", str(tmp_path), *levels]
+    command = [sys.executable, "-m", "tests.support.gateways.killed_gateway", str(tmp_path), *levels]
     with started(command, cwd=ROOT, stderr=None) as gateway:
         assert gateway.stdout is not None
-        told_ids = json.loads(gateway.stdout.readline())
+        reported_ids = json.loads(gateway.stdout.readline())
         tree = processes_below(gateway.pid)
         # a server, and one a level; and of each worker its keeper, itself, and two children
         assert len(tree) == 1 + len(LEVELS) + 2 * len(LEVELS) * 4
-        assert {told_ids["zygote"], *told_ids["keepers"]} <= set(tree)
+        assert {reported_ids["zygote"], *reported_ids["keepers"]} <= set(tree)
         gateway.kill()
         gateway.wait()
         wait_until(lambda: not any(runs(pid) for pid in tree))
 
 
-async def test_a_sandbox_that_cannot_be_made_is_told_and_leaves_nothing(zygote: Zygote, tmp_path: Path) -> None:
+async def test_a_sandbox_that_cannot_be_made_is_reported_and_leaves_nothing(zygote: Zygote, tmp_path: Path) -> None:
     program = Program(handler="app.handler", code_dir=tmp_path / "missing")
     for level in LEVELS:
         with pytest.raises(LaunchError, match="No such file"):

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from metaros.bundle import BundleError, read_bundle
+from metaros.automation.functions.package import check_zip
+from metaros.automation.robot.bundle import main, make_bundle, pack_function
 from metaros.errors import ConfigError, PackageError
-from metaros.functions.package import check_zip
-from metaros.robot_functions.bundle import main, make_bundle, pack_function
-from tests.support.robot_function import function_zip, write_function
+from metaros.fleet.bundle import BundleError, read_bundle
+from tests.support.functions.robot_function import function_zip, write_function
 
 
 def test_a_folder_is_always_packed_into_the_same_bytes(tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_a_zip_file_goes_in_as_it_is(tmp_path: Path) -> None:
     made = make_bundle(tmp_path / "echo.zip", tmp_path / "bundle.zip", version="1.2.0")
     manifest = read_bundle(made)
     assert (manifest.name, manifest.kind, manifest.version) == ("echo", "node", "1.2.0")
-    assert manifest.entry == "metaros.robot_functions.program:bundled"
+    assert manifest.entry == "metaros.automation.robot.program:bundled"
     with zipfile.ZipFile(made) as archive:
         assert archive.read("files/function.zip") == data
 

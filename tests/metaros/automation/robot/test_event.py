@@ -1,22 +1,22 @@
-"""The same happening and the same zip file give the same call, at the gateway and on the robot."""
+"""The same event and the same zip file give the same call, at the gateway and on the robot."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+from gateway.automation.sample_events import sample_event
+from gateway.domain.automation.shapes import eventbridge
 from gateway.domain.channel import Channel
-from gateway.domain.shapes import eventbridge
-from gateway.sample_happenings import sample_happening
+from metaros.automation.functions.calls import FunctionSpec
+from metaros.automation.functions.package import unpack
+from metaros.automation.robot.event import ReceivedMessage, event_of
+from metaros.automation.robot.program import open_package
 from metaros.cdr import codec
-from metaros.functions.calls import FunctionSpec
-from metaros.functions.package import unpack
 from metaros.idl.json import to_json
 from metaros.interfaces.std_msgs.msg import String
-from metaros.robot_functions.event import Heard, event_of
-from metaros.robot_functions.program import open_package
-from tests.support.functions import running_engine
-from tests.support.robot_function import function_zip, write_function
+from tests.support.functions.functions import running_engine
+from tests.support.functions.robot_function import function_zip, write_function
 
 STAMP_NS = 1_700_000_000_123_456_789
 
@@ -24,11 +24,13 @@ STAMP_NS = 1_700_000_000_123_456_789
 def test_the_shape_is_the_gateways() -> None:
     message = to_json(codec("std_msgs/msg/String").decode(codec("std_msgs/msg/String").encode(String(data="é"))))
     here = event_of(
-        Heard(topic="/r/word", type="std_msgs/msg/String", stamp_ns=STAMP_NS, seq=7, gid=b"\x0a", message=message),
+        ReceivedMessage(
+            topic="/r/word", type="std_msgs/msg/String", stamp_ns=STAMP_NS, seq=7, gid=b"\x0a", message=message
+        ),
         robot="r",
     )
     channel = Channel(robot="r", channel_id=1, topic="/r/word", schema_name="std_msgs/msg/String", type_hash="")
-    there = eventbridge(sample_happening("r", 3, 9, 7, STAMP_NS, channel, {"message": message}))
+    there = eventbridge(sample_event("r", 3, 9, 7, STAMP_NS, channel, {"message": message}))
     assert here.pop("id") == "r/r/word/0a/7"
     assert there.pop("id") == "r/3/9/7"
     assert here == there

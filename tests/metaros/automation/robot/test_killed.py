@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from metaros.automation.robot.backlog import Backlog
 from metaros.interfaces.std_msgs.msg import String
-from metaros.robot_functions.backlog import Backlog
 from tests.edge_agent.conftest import Robot
-from tests.support.robot_function import Heard, write_function
+from tests.support.functions.robot_function import ReceivedResults, write_function
 from tests.support.waiting import wait_until_async
 
 COUNT = 100
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kill -9 is POSI
 @contextmanager
 def program(package: Path, state: Path, router: str) -> Iterator[subprocess.Popen[bytes]]:
     """The real program; killed at the end, if it still runs."""
-    argv = [sys.executable, "-m", "metaros.robot_functions", "--package", str(package), "--state", str(state)]
+    argv = [sys.executable, "-m", "metaros.automation.robot", "--package", str(package), "--state", str(state)]
     environ = {**os.environ, "METAROS_ZENOH_PORT": router.rpartition(":")[2], "METAROS_ROBOT": "sim_1"}
     process = subprocess.Popen([*argv, "--namespace", "/sim_1", "--level", "L1"], env=environ)
     try:
@@ -59,7 +59,7 @@ async def test_no_event_is_lost_and_only_what_was_at_hand_is_done_twice(
 ) -> None:
     package = write_function(tmp_path / "slow", SLOW, concurrency=2, retry={"attempts": 20})
     state = tmp_path / "state"
-    heard, words = Heard.on(robot.node), robot.node.create_publisher(String, "word", 1000)
+    received, words = ReceivedResults.on(robot.node), robot.node.create_publisher(String, "word", 1000)
     at_hand = 0
     for life in range(KILLS):
         with program(package, state, zenoh_router) as process:
@@ -67,19 +67,19 @@ async def test_no_event_is_lost_and_only_what_was_at_hand_is_done_twice(
             if life == 0:
                 for number in range(COUNT):
                     words.publish(String(data=str(number)))
-                await wait_until_async(lambda: len(heard.results) + under_way(state)[0] >= COUNT)
-            before = len(heard.results)
-            await wait_until_async(lambda before=before: len(heard.results) >= before + 10)
+                await wait_until_async(lambda: len(received.results) + under_way(state)[0] >= COUNT)
+            before = len(received.results)
+            await wait_until_async(lambda before=before: len(received.results) >= before + 10)
             process.kill()
             process.wait(60)
         at_hand += under_way(state)[1]
         await wait_until_async(lambda: not robot.node.graph.endpoints("/sim_1/word", "MS"))
     with program(package, state, zenoh_router):
-        await wait_until_async(lambda: len({result["event"] for result in heard.results}) == COUNT)
+        await wait_until_async(lambda: len({result["event"] for result in received.results}) == COUNT)
         await wait_until_async(lambda: under_way(state) == (0, 0))
-    done = Counter(result["event"] for result in heard.results if result["status"] == "ok")
+    done = Counter(result["event"] for result in received.results if result["status"] == "ok")
     assert len(done) == COUNT
-    assert {result["payload"] for result in heard.results} == {str(number) for number in range(COUNT)}
-    losses = {result["event"]: result["losses"] for result in heard.results}
+    assert {result["payload"] for result in received.results} == {str(number) for number in range(COUNT)}
+    losses = {result["event"]: result["losses"] for result in received.results}
     assert sum(losses.values()) == at_hand
-    assert {result["attempt"] for result in heard.results} == {1}
+    assert {result["attempt"] for result in received.results} == {1}

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.robot.manifest import parse_function
 from metaros.errors import ConfigError
-from metaros.robot_functions.document import parse_function
 from tests.support.tables import cases
 
 GOOD = """

@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.robot.backlog import Backlog
+from metaros.automation.robot.policy import FunctionPolicy
+from metaros.automation.robot.program import open_package
 from metaros.errors import ConfigError
 from metaros.idl import message_class
 from metaros.idl.globs import Glob
 from metaros.interfaces.sensor_msgs.msg import BatteryState
 from metaros.interfaces.std_msgs.msg import String
-from metaros.robot_functions.backlog import Backlog
-from metaros.robot_functions.law import Law
-from metaros.robot_functions.program import open_package
 from tests.edge_agent.conftest import Robot
-from tests.support.robot_function import Heard, function_zip, running_function, write_function
+from tests.support.functions.robot_function import ReceivedResults, function_zip, running_function, write_function
 from tests.support.waiting import wait_until_async
 
 TRIGGER = message_class("std_srvs/srv/Trigger")
@@ -49,7 +49,7 @@ async def test_a_low_battery_docks_the_robot_without_any_link(robot: Robot, zeno
     notes: list[str] = []
     robot.node.create_service(TRIGGER, "dock", lambda request, response: docked.append(request))
     robot.node.create_subscription(String, "notes", lambda message: notes.append(message.data))
-    heard = Heard.on(robot.node)
+    received = ReceivedResults.on(robot.node)
     trigger = {"topic": "battery_state", "pattern": LOW, "when": {"edge": "rising"}}
     package = write_function(tmp_path / "dock", DOCK, name="dock-when-low", triggers=[trigger])
     battery = robot.node.create_publisher(BatteryState, "battery_state")
@@ -57,9 +57,9 @@ async def test_a_low_battery_docks_the_robot_without_any_link(robot: Robot, zeno
         await seen(robot, "/sim_1/battery_state")
         for percentage in (0.5, 0.19, 0.18, 0.17):
             battery.publish(BatteryState(percentage=percentage))
-        await wait_until_async(lambda: heard.results)
-    result = heard.results[0]
-    assert len(heard.results) == len(docked) == 1
+        await wait_until_async(lambda: received.results)
+    result = received.results[0]
+    assert len(received.results) == len(docked) == 1
     assert notes == ["docking at 0.19"]
     assert (result["status"], result["function"], result["robot"]) == ("ok", "dock-when-low", "sim_1")
     assert [action["kind"] for action in result["actions"]] == ["publish", "call"]
@@ -74,14 +74,14 @@ async def test_what_moves_the_robot_is_refused_unless_its_own_settings_allow_it(
     twist = message_class("geometry_msgs/msg/Twist")
     robot.node.create_subscription(twist, "cmd_vel", lambda message: moves.append(message.linear.x))
     robot.node.create_subscription(String, "notes", lambda message: notes.append(message.data))
-    heard, words = Heard.on(robot.node), robot.node.create_publisher(String, "word")
-    law = Law("/sim_1", allowed=(Glob("**/cmd_vel"),)) if allowed else Law("/sim_1")
+    received, words = ReceivedResults.on(robot.node), robot.node.create_publisher(String, "word")
+    policy = FunctionPolicy("/sim_1", allowed=(Glob("**/cmd_vel"),)) if allowed else FunctionPolicy("/sim_1")
     package = write_function(tmp_path / "move", MOVE)
-    async with running_function(package, tmp_path / "state", zenoh_router, law=law):
+    async with running_function(package, tmp_path / "state", zenoh_router, policy=policy):
         await seen(robot, "/sim_1/word")
         words.publish(String(data="cmd_vel"))
-        await wait_until_async(lambda: heard.results and (not allowed or moves))
-    result = heard.results[0]
+        await wait_until_async(lambda: received.results and (not allowed or moves))
+    result = received.results[0]
     if allowed:
         assert (result["status"], moves, notes) == ("ok", [1.0], ["first"])
         return
@@ -108,22 +108,22 @@ async def test_what_waits_when_the_program_ends_is_done_by_its_next_life(
                 backlog.close()
 
         await wait_until_async(done)
-    heard = Heard.on(robot.node)
+    received = ReceivedResults.on(robot.node)
     async with running_function(package, state, zenoh_router):
-        await wait_until_async(lambda: len(heard.results) >= 20)
-    said = [result["payload"]["detail"]["message"]["data"] for result in heard.results]
+        await wait_until_async(lambda: len(received.results) >= 20)
+    said = [result["payload"]["detail"]["message"]["data"] for result in received.results]
     assert said == [str(number) for number in range(20)]
 
 
 async def test_the_very_same_zip_runs_from_a_file(robot: Robot, zenoh_router: str, tmp_path: Path) -> None:
     folder = write_function(tmp_path / "echo")
     function_zip(folder)
-    heard, words = Heard.on(robot.node), robot.node.create_publisher(String, "word")
+    received, words = ReceivedResults.on(robot.node), robot.node.create_publisher(String, "word")
     async with running_function(tmp_path / "echo.zip", tmp_path / "state", zenoh_router):
         await seen(robot, "/sim_1/word")
         words.publish(String(data="hello"))
-        await wait_until_async(lambda: heard.results)
-    event = heard.results[0]["payload"]
+        await wait_until_async(lambda: received.results)
+    event = received.results[0]["payload"]
     assert event["detail-type"] == "metaros.topic.message"
     assert event["detail"]["message"] == {"data": "hello"}
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.errors import ThrottledError
+from metaros.automation.robot.actions import Action, read_actions
+from metaros.automation.robot.backlog import Backlog, NewEvent
+from metaros.automation.robot.manifest import parse_function
+from metaros.automation.robot.policy import FunctionPolicy
+from metaros.automation.robot.runner import LOSSES, Runner
 from metaros.clock import ManualClock
 from metaros.errors import UnavailableError
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.faults import ThrottledError
-from metaros.robot_functions.actions import Action, read_actions
-from metaros.robot_functions.backlog import Backlog, Put
-from metaros.robot_functions.document import parse_function
-from metaros.robot_functions.law import Law
-from metaros.robot_functions.runner import LOSSES, Runner
 
 FUNCTION = parse_function(
     json.dumps(
@@ -53,13 +53,13 @@ class World:
             SPEC,
             self.backlog,
             self.invoke,
-            read=lambda returned: read_actions(returned, Law("/r"), lambda name: f"/r/{name}"),
+            read=lambda returned: read_actions(returned, FunctionPolicy("/r"), lambda name: f"/r/{name}"),
             do=self.do,
             robot="r",
             clock=clock,
             rng=Even(),
         )
-        self.backlog.keep([Put(trigger="t", name="e", payload=b"{}", at_ns=clock.wall_ns())], [])
+        self.backlog.keep([NewEvent(trigger="t", name="e", payload=b"{}", at_ns=clock.wall_ns())], [])
 
     async def invoke(self, spec: FunctionSpec, call: Invocation) -> Outcome:
         self.asked.append(call.request_id)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from load_tests import bench_rules
-from metaros.rules.errors import PatternError
-from metaros.rules.index import PatternIndex
-from metaros.rules.pattern import compile_pattern
-from tests.metaros.rules.cases import event, pattern
+from load_tests.benchmarks.gateway import rules
+from metaros.automation.rules.errors import PatternError
+from metaros.automation.rules.index import PatternIndex
+from metaros.automation.rules.pattern import compile_pattern
+from tests.metaros.automation.rules.cases import event, pattern
 from tests.support.tables import cases
 
 SEEDS = st.integers(min_value=0, max_value=2**32)
@@ -56,7 +56,7 @@ def test_patterns_come_and_go(seed: int, changes: list[tuple[int, bool]]) -> Non
 
 
 def test_a_set_of_rules_as_fleets_have_it() -> None:
-    figures = bench_rules.measure(count=300, event_count=100)
+    figures = rules.measure(count=300, event_count=100)
     assert figures.matches > 0.5
 
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from moto.events.models import EventPattern
 
-from metaros.rules.leaf import flat
-from metaros.rules.pattern import compile_pattern
-from tests.metaros.rules.cases import event, pattern
+from metaros.automation.rules.field_matcher import flat
+from metaros.automation.rules.pattern import compile_pattern
+from tests.metaros.automation.rules.cases import event, pattern
 from tests.support.tables import cases
 
 CASES = 2400

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from metaros.automation.rules.errors import PatternError
+from metaros.automation.rules.pattern import compile_pattern
 from metaros.limits import LIMITS
-from metaros.rules.errors import PatternError
-from metaros.rules.pattern import compile_pattern
 from tests.support.tables import cases
 
 Document = dict[str, Any]

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from metaros.rules.errors import ScheduleError
-from metaros.rules.schedule import Schedule
+from metaros.automation.rules.errors import ScheduleError
+from metaros.automation.rules.schedule import Schedule
 from tests.support.tables import cases
 
 NS = 1_000_000_000
@@ -201,10 +201,10 @@ ZONES = st.sampled_from(["UTC", "Europe/Paris", "America/New_York", "Australia/L
 def test_no_time_is_between_a_moment_and_the_next(text: str, zone: str, t_ns: int, later_ns: int) -> None:
     """Asked at any moment before the time that was told, it tells the same time."""
     schedule = Schedule.parse(text, zone)
-    told = schedule.next_after(t_ns)
-    assert told is not None
-    assert told > t_ns
-    assert schedule.next_after(min(t_ns + later_ns, told - 1)) == told
+    reported = schedule.next_after(t_ns)
+    assert reported is not None
+    assert reported > t_ns
+    assert schedule.next_after(min(t_ns + later_ns, reported - 1)) == reported
 
 
 @cases(

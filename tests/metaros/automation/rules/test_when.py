@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from metaros.automation.rules.errors import WhenError
+from metaros.automation.rules.when import SLACK_NS, State, Step, When, at_rest, due, group_of, step, value_of
 from metaros.limits import LIMITS
-from metaros.rules.errors import WhenError
-from metaros.rules.when import SLACK_NS, State, Step, When, at_rest, due, group_of, step, value_of
 from tests.support.tables import cases
 
 S = 1_000_000_000

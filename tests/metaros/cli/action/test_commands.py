@@ -14,9 +14,9 @@ import pytest
 import metaros
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.node.action import ServerGoal
-from tests.metaros.cli.conftest import Run, Told, assert_told, spinning
-from tests.support.command_line import program
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import Reported, Run, assert_reported, spinning
+from tests.support.processes.command_line import program
+from tests.support.processes.processes import END_S, started
 
 HOLD, ABORT, REJECT = 100, 200, 300  # orders that mean something else
 
@@ -40,7 +40,7 @@ def execute(goal: ServerGoal) -> Any:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def server(zenoh_router: str, told: Told) -> Iterator[metaros.Node]:
+def server(zenoh_router: str, told: Reported) -> Iterator[metaros.Node]:
     """/math/counter serves /math/fibonacci."""
     with (
         metaros.Context(connect=zenoh_router) as context,
@@ -52,7 +52,7 @@ def server(zenoh_router: str, told: Told) -> Iterator[metaros.Node]:
             yield node
 
 
-def test_list_type_find_info(run: Run, server: metaros.Node, told: Told) -> None:
+def test_list_type_find_info(run: Run, server: metaros.Node, told: Reported) -> None:
     assert run("action", "list").out == "/math/fibonacci\n"
     assert run("action", "list", "-t").out == "/math/fibonacci [example_interfaces/action/Fibonacci]\n"
     assert run("action", "list", "-c").out == "1\n"
@@ -114,7 +114,7 @@ def test_errors_help(run: Run) -> None:
         ("send_goal", "/math/fibonacci", f"{{order: {REJECT}}}"): (1, "rejected"),
         ("find", "example_interfaces/Fibonaci"): (2, "example_interfaces/action/Fibonacci"),
     }
-    assert_told(run, table, "action")
+    assert_reported(run, table, "action")
 
 
 def test_an_aborted_goal_is_exit_code_1(run: Run) -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.bag_view import missing_text
+from metaros.cli.bag.view import missing_text
 from metaros.interfaces.geometry_msgs.msg import Point
 from metaros.interfaces.std_msgs.msg import String
 from tests.metaros.cli.conftest import Run
-from tests.support.bags import arrivals, write_bag
-from tests.support.command_line import Done, call_metaros, program
-from tests.support.processes import END_S, started
+from tests.support.nodes.bags import arrivals, write_bag
+from tests.support.processes.command_line import Done, call_metaros, program
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 

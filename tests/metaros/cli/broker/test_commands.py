@@ -14,13 +14,13 @@ import zmq
 from rich.console import Console
 
 from metaros.broker import BrokerReport, Direction, TopicRow
-from metaros.cli import broker
-from metaros.cli.broker_screen import Watcher, render, report_facts
+from metaros.cli.broker import commands
+from metaros.cli.broker.screen import Watcher, render, report_facts
 from metaros.clock import ManualClock
-from tests.metaros.cli.conftest import Run, assert_told
-from tests.support.command_line import program, stop_metaros
+from tests.metaros.cli.conftest import Run, assert_reported
 from tests.support.ports import free_port
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import program, stop_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 
@@ -32,7 +32,7 @@ def row(topic: str, direction: Direction, messages: int, **facts: int) -> TopicR
     )
 
 
-def test_it_hosts_the_router_and_bridges_until_told_to_stop(tmp_path: Path) -> None:
+def test_it_hosts_the_router_and_bridges_until_reported_to_stop(tmp_path: Path) -> None:
     status, (xsub, xpub, port) = tmp_path / "status.json", (free_port() for _ in range(3))
     argv = program("broker", "--status-file", str(status), "--zenoh-port", str(port))
     argv += ["--xsub", str(xsub), "--xpub", f"tcp://127.0.0.1:{xpub}"]
@@ -60,7 +60,7 @@ def test_it_hosts_the_router_and_bridges_until_told_to_stop(tmp_path: Path) -> N
 def test_json_lines_for_machines_and_a_warning_beyond_loopback(
     zenoh_port: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(broker, "REPORT_S", 0.05)
+    monkeypatch.setattr(commands, "REPORT_S", 0.05)
     ports = ("--xsub", str(free_port()), "--xpub", str(free_port()), "--zenoh-port", zenoh_port)
     done = stop_metaros("broker", "-o", "json", "--host", "0.0.0.0", *ports, when=lambda out: "\n" in out)
     assert done.code == 0
@@ -80,7 +80,7 @@ def test_what_cannot_be_is_one_line_and_exit_code_2(run: Run) -> None:
         port = taken.getsockname()[1]
         table["--xsub", str(port), "--xpub", str(free_port())] = 2, f"port {port} is in use by"
         table["--xpub", str(port), "--xsub", str(free_port())] = 2, "--xsub PORT"
-        assert_told(run, table, "broker")
+        assert_reported(run, table, "broker")
 
 
 def test_the_table(clock: ManualClock) -> None:

@@ -6,8 +6,8 @@ import json
 from typing import Any
 
 from tests.metaros.cli.conftest import Run
-from tests.support.command_line import call_metaros, program
-from tests.support.processes import END_S, started
+from tests.support.processes.command_line import call_metaros, program
+from tests.support.processes.processes import END_S, started
 
 
 def doctor(*arguments: str) -> tuple[int, dict[str, dict[str, Any]]]:

@@ -14,9 +14,9 @@ import metaros
 from metaros.interfaces.metaros_msgs.msg import HostMemory
 from metaros.interfaces.std_msgs.msg import Float64
 from tests.metaros.cli.conftest import spinning
-from tests.support.command_line import Done, call_metaros, program, stop_metaros
-from tests.support.processes import END_S, started
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.pty_device import PtyDevice
+from tests.support.processes.command_line import Done, call_metaros, program, stop_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 Listening = Callable[[type, str], list[Any]]
@@ -33,9 +33,9 @@ def listening(zenoh_router: str) -> Iterator[Listening]:
         with spinning(viewer):
 
             def listen(kind: type, topic: str) -> list[Any]:
-                heard: list[Any] = []
-                viewer.create_subscription(kind, topic, heard.append, metaros.qos_sensor_data)
-                return heard
+                received: list[Any] = []
+                viewer.create_subscription(kind, topic, received.append, metaros.qos_sensor_data)
+                return received
 
             yield listen
 
@@ -91,10 +91,10 @@ def test_a_new_driver_runs_from_its_folder(zenoh_port: str, listening: Listening
     values = listening(Float64, "/sonar_toy/value")
     with PtyDevice(tmp_path) as device:
 
-        def heard(_: str) -> bool:
+        def received(_: str) -> bool:
             device.write(b"4.5\n")
             return bool(values)
 
         options = ["-p", f"port={device.path}", "--zenoh-port", zenoh_port]
-        assert stop_metaros("driver", "run", str(tmp_path / "sonar_toy"), *options, when=heard).code == 0
+        assert stop_metaros("driver", "run", str(tmp_path / "sonar_toy"), *options, when=received).code == 0
     assert values[0].data == 4.5

@@ -8,11 +8,11 @@ import signal
 import pytest
 
 import metaros
-from metaros.cli import listen
+from metaros.cli.graph_target import listener
 from metaros.interfaces.std_msgs.msg import Float64, String
-from tests.metaros.cli.conftest import Run, Told
-from tests.support.command_line import program, stream_metaros
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import Reported, Run
+from tests.support.processes.command_line import program, stream_metaros
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.usefixtures("talker")
@@ -76,7 +76,7 @@ def test_echo_gives_up_when_silent(run: Run) -> None:
 
 
 def test_hz_and_bw(zenoh_port: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen, "REPORT_S", 0.1)
+    monkeypatch.setattr(listener, "REPORT_S", 0.1)
     with stream_metaros("topic", "hz", "/chatter", "-o", "json", "--zenoh-port", zenoh_port) as lines:
         # Not of two samples, which a busy machine may have bunched.
         report = next(found for line in lines if (found := json.loads(line))["window"] > 20)
@@ -87,28 +87,28 @@ def test_hz_and_bw(zenoh_port: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_hz_and_bw_in_words_for_so_many_reports(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen, "REPORT_S", 0.3)
+    monkeypatch.setattr(listener, "REPORT_S", 0.3)
     for verb, words in (("hz", "average rate: "), ("bw", "B/s from")):
         done = run("topic", verb, "/chatter", "-n", "2")
         assert sum(words in line for line in done.out.splitlines()) + done.err.count("no new messages") == 2
         assert words in done.out
 
 
-def test_pub_once_is_heard(run: Run, talker: metaros.Node) -> None:
-    heard: list[str] = []
-    talker.create_subscription(String, "/said", lambda message: heard.append(message.data), 10)
+def test_pub_once_is_received(run: Run, talker: metaros.Node) -> None:
+    received: list[str] = []
+    talker.create_subscription(String, "/said", lambda message: received.append(message.data), 10)
     done = run("topic", "pub", "said", "std_msgs/String", "data: hi", "--once", "--max-wait-time-secs", "60")
     assert (done.code, done.out) == (0, "publishing #1: std_msgs.msg.String(data='hi')\n")
-    wait_until(lambda: heard == ["hi"])
+    wait_until(lambda: received == ["hi"])
 
 
 def test_pub_at_a_rate(run: Run, talker: metaros.Node) -> None:
-    heard: list[float] = []
-    talker.create_subscription(Float64, "/value", lambda message: heard.append(message.data), 20)
+    received: list[float] = []
+    talker.create_subscription(Float64, "/value", lambda message: received.append(message.data), 20)
     rate = ("-r", "200", "-n", "20", "-q", "--max-wait-time-secs", "60")
     done = run("topic", "pub", "/value", "std_msgs/msg/Float64", "{data: 1.5}", *rate)
     assert (done.code, done.out) == (0, "")
-    wait_until(lambda: heard == [1.5] * 20)
+    wait_until(lambda: received == [1.5] * 20)
 
 
 def test_pub_of_what_cannot_be_names_the_fault(run: Run) -> None:
@@ -163,7 +163,7 @@ def test_another_hash_is_refused_with_both(run: Run, talker: metaros.Node) -> No
     assert "--raw" in done.err
 
 
-def test_an_unknown_type_is_refused_but_listed(run: Run, talker: metaros.Node, told: Told) -> None:
+def test_an_unknown_type_is_refused_but_listed(run: Run, talker: metaros.Node, told: Reported) -> None:
     talker.create_raw_publisher("/odd", "acme_msgs/msg/Thing", "RIHS01_" + "cd" * 32, metaros.qos_default)
     told("/odd")
     assert "/odd [acme_msgs/msg/Thing]" in run("topic", "list", "-t").out.splitlines()

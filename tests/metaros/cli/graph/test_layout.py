@@ -8,25 +8,25 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from metaros.cli.graph_layers import columns_of
-from metaros.cli.graph_layout import Box, Plan, Rect, lay_out
+from metaros.cli.graph.layers import columns_of
+from metaros.cli.graph.layout import Box, Plan, Rect, lay_out
 from tests.support.tables import cases
 
 GROUPS = ("", "/arm", "/base", "/eye")
 
 
 @st.composite
-def graphs(draw: st.DrawFn) -> tuple[dict[str, Box], list[tuple[str, str]]]:
+def graphs(build_graph_model: st.DrawFn) -> tuple[dict[str, Box], list[tuple[str, str]]]:
     """Up to 24 nodes and 24 topics, in any namespaces, linked in any way."""
     boxes: dict[str, Box] = {}
     for kind in ("n", "t"):
-        for number in range(draw(st.integers(1, 24))):
-            size = draw(st.integers(40, 200)), draw(st.integers(30, 80))
-            boxes[f"{kind}{number}"] = Box(*size, draw(st.sampled_from(GROUPS)))
+        for number in range(build_graph_model(st.integers(1, 24))):
+            size = build_graph_model(st.integers(40, 200)), build_graph_model(st.integers(30, 80))
+            boxes[f"{kind}{number}"] = Box(*size, build_graph_model(st.sampled_from(GROUPS)))
     nodes = st.sampled_from([key for key in boxes if key[0] == "n"])
     topics = st.sampled_from([key for key in boxes if key[0] == "t"])
     arcs = st.one_of(st.tuples(nodes, topics), st.tuples(topics, nodes))
-    return boxes, draw(st.lists(arcs, max_size=60))
+    return boxes, build_graph_model(st.lists(arcs, max_size=60))
 
 
 def apart(one: Rect, other: Rect) -> bool:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from metaros.cli.graph_model import Picture, draw, restrict
-from metaros.cli.graph_text import dot, summary, tree
+from metaros.cli.graph.model import GraphModel, build_graph_model, restrict
+from metaros.cli.graph.text import dot, summary, tree
 from metaros.wire import EndpointToken, NodeToken, QoSProfile, Reliability, qos_default
-from metaros.wire.tokens import EndpointKind
+from metaros.wire.liveliness_tokens import EndpointKind
 
 HASH, OTHER = "RIHS01_" + "ab" * 32, "RIHS01_" + "cd" * 32
 BEST_EFFORT = QoSProfile(reliability=Reliability.BEST_EFFORT)
@@ -30,14 +30,14 @@ def plain(text: str, code: str) -> str:
     return text
 
 
-def lines(picture: Picture) -> list[str]:
+def lines(picture: GraphModel) -> list[str]:
     """The tree without styles."""
     return list(tree(picture, plain))
 
 
 def test_a_topic_is_a_branch_with_its_readers() -> None:
     tokens = [end("talker", "MP", "/chatter"), end("ear", "MS", "/chatter"), end("eye", "MS", "/chatter")]
-    assert lines(draw(["/talker", "/ear", "/eye"], tokens)) == [
+    assert lines(build_graph_model(["/talker", "/ear", "/eye"], tokens)) == [
         "/ear   reads and calls 1",
         "/eye   reads and calls 1",
         "/talker",
@@ -55,7 +55,7 @@ def test_mismatches_are_marked_where_they_are_with_the_reason() -> None:
         end("odd", "MS", "/chatter", "std_msgs/msg/Int8"),
         end("ear", "MS", "/chatter", qos=BEST_EFFORT),
     ]
-    picture = draw(["/talker", "/deaf", "/old", "/odd", "/ear"], tokens)
+    picture = build_graph_model(["/talker", "/deaf", "/old", "/odd", "/ear"], tokens)
     assert {(item.sink, item.code) for item in picture.faults} == {
         ("/deaf", "qos_mismatch"),
         ("/old", "type_hash_mismatch"),
@@ -69,9 +69,9 @@ def test_mismatches_are_marked_where_they_are_with_the_reason() -> None:
     assert summary(picture, plain) == "5 nodes, 1 topic  ✗ 3 mismatches"
 
 
-def test_who_waits_in_vain_is_told() -> None:
+def test_who_waits_in_vain_is_reported() -> None:
     tokens = [end("ear", "MS", "/silence"), end("ear", "SC", "/help", "std_srvs/srv/Trigger")]
-    assert lines(draw(["/ear"], tokens)) == [
+    assert lines(build_graph_model(["/ear"], tokens)) == [
         "/ear",
         "├─ ◁ /silence  std_msgs/msg/String  nobody publishes",
         "└─ ◁ service /help  std_srvs/srv/Trigger  nobody serves",
@@ -86,12 +86,12 @@ def test_an_action_is_one_link() -> None:
             end(node, service, "/walk/_action/get_result", f"{FIBONACCI}_GetResult"),  # type: ignore[arg-type]
             end(node, topic, "/walk/_action/feedback", f"{FIBONACCI}_FeedbackMessage"),  # type: ignore[arg-type]
         ]
-    picture = draw(["/walker", "/boss"], tokens)
+    picture = build_graph_model(["/walker", "/boss"], tokens)
     (link,) = picture.links
     assert (link.kind, link.name, link.types) == ("action", "/walk", (FIBONACCI,))
     assert (link.sources, link.sinks) == (("/walker",), ("/boss",))
     assert f"└─ action /walk  {FIBONACCI}" in lines(picture)
-    assert len(draw(["/walker", "/boss"], tokens, everything=True).links) == 3
+    assert len(build_graph_model(["/walker", "/boss"], tokens, everything=True).links) == 3
 
 
 def test_what_every_node_has_is_left_out_unless_asked_for() -> None:
@@ -99,13 +99,13 @@ def test_what_every_node_has_is_left_out_unless_asked_for() -> None:
         end("talker", "MP", "/rosout", "rcl_interfaces/msg/Log"),
         end("talker", "SS", "/talker/set_parameters", "rcl_interfaces/srv/SetParameters"),
     ]
-    assert draw(["/talker"], tokens).links == ()
-    assert len(draw(["/talker"], tokens, everything=True).links) == 2
+    assert build_graph_model(["/talker"], tokens).links == ()
+    assert len(build_graph_model(["/talker"], tokens, everything=True).links) == 2
 
 
 def test_restricted_to_a_name_and_what_it_is_linked_to() -> None:
     tokens = [end("talker", "MP", "/chatter"), end("ear", "MS", "/chatter"), end("eye", "MS", "/odom")]
-    picture = restrict(draw(["/talker", "/ear", "/eye"], tokens), "talk")
+    picture = restrict(build_graph_model(["/talker", "/ear", "/eye"], tokens), "talk")
     assert picture.nodes == ("/ear", "/talker")
     assert [link.name for link in picture.links] == ["/chatter"]
 
@@ -118,7 +118,7 @@ def test_graphviz_gets_edges_and_faults_in_red() -> None:
         end("talker", "SS", "/reset", "std_srvs/srv/Trigger"),
         end("ear", "SC", "/reset", "std_srvs/srv/Trigger"),
     ]
-    text = list(dot(draw(["/talker", "/ear", "/old"], tokens)))
+    text = list(dot(build_graph_model(["/talker", "/ear", "/old"], tokens)))
     assert (text[0], text[-1]) == ("digraph metaros {", "}")
     assert '  "node /talker" -> "topic /chatter";' in text
     assert '  "topic /chatter" -> "node /ear";' in text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from metaros.cli.listen import Rate
+from metaros.cli.graph_target.listener import Rate
 
 
 def fed(count: int, gap_s: float, size: int = 100, window: int = 1000) -> Rate:

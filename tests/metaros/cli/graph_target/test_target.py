@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from typer.testing import CliRunner
 
-from metaros.cli.visit import OPTIONS, Visit, visiting
+from metaros.cli.graph_target.target import OPTIONS, GraphTarget, graph_command
 
 
 def app() -> typer.Typer:
@@ -15,10 +15,10 @@ def app() -> typer.Typer:
     made = typer.Typer()
 
     @made.command()
-    @visiting
-    def look(at: Visit, name: str, loud: Annotated[bool, typer.Option("--loud")] = False) -> None:
+    @graph_command
+    def open_graph(target: GraphTarget, name: str, loud: Annotated[bool, typer.Option("--loud")] = False) -> None:
         """Say what was given."""
-        typer.echo(f"{name} {loud} {at.zenoh_port} {at.domain} {at.spin_time} {at.out.json}")
+        typer.echo(f"{name} {loud} {target.zenoh_port} {target.domain} {target.spin_time} {target.out.json}")
 
     return made
 

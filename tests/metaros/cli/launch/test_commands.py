@@ -15,10 +15,10 @@ from typing import Any
 
 import pytest
 
-from metaros.cli import launch_run
-from tests.support.command_line import call_metaros, program, stop_metaros
+from metaros.cli.launch import run
 from tests.support.ports import free_port
-from tests.support.processes import alive
+from tests.support.processes.command_line import call_metaros, program, stop_metaros
+from tests.support.processes.processes import alive
 from tests.support.waiting import wait_until
 
 LONG_S = 60.0
@@ -189,7 +189,7 @@ def test_ctrl_c_ends_it_well(tmp_path: Path) -> None:
 
 
 def test_exit_code_78_is_final_and_a_table_of_failures_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(launch_run, "REFRESH_S", 0.02)
+    monkeypatch.setattr(run, "REFRESH_S", 0.02)
     path = tmp_path / "robot.toml"
     path.write_text('[[node]]\nname = "wrong"\nclass = "wrong:Nobody"\n')
     (tmp_path / "wrong.py").write_text("x = 1")
@@ -246,10 +246,10 @@ def test_check_and_dry_run_start_nothing(tmp_path: Path) -> None:
     code, text = launch(path, "--dry-run", "--log-dir", str(tmp_path))
     assert code == 0
     assert "after    a" in text
-    assert "python -m metaros.cli.launch_child module pkg.a --ros-args -r __node:=b" in text
+    assert "python -m metaros.cli.launch.child module pkg.a --ros-args -r __node:=b" in text
 
 
-def test_wrong_commands_are_told(tmp_path: Path) -> None:
+def test_wrong_commands_are_reported(tmp_path: Path) -> None:
     code, text = launch(tmp_path / "none.toml")
     assert (code, "none.toml: No such file" in text) == (2, True)
     path = tmp_path / "robot.toml"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.launch_plan import PROGRAM, Place, check_exists, launches
+from metaros.cli.launch.plan import PROGRAM, Place, check_exists, launches
 from metaros.errors import ConfigError
-from metaros.supervise.table import parse_table
+from metaros.supervise.launch_table import parse_table
 
 
 def test_a_node_starts_after_the_last_of_those_it_comes_after(tmp_path: Path) -> None:

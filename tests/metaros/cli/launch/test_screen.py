@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.launch_screen import Screen
+from metaros.cli.launch.screen import Screen
 from metaros.clock import ManualClock
 from metaros.supervise import Event, EventKind, ProcessStatus
-from metaros.supervise.table import parse_table
+from metaros.supervise.launch_table import parse_table
 
 TABLE = '[[node]]\nname = "camera"\nmodule = "m"\n[[node]]\nname = "b"\nmodule = "m"\n'
 
@@ -46,7 +46,7 @@ def test_of_a_flood_only_the_beginning_is_shown(
     assert lines[-2:] == ["b      │ … 950 more lines, in its log", "b      │ again"]
 
 
-def test_a_death_is_told_with_its_last_lines_unless_they_are_its_reason(
+def test_a_death_is_reported_with_its_last_lines_unless_they_are_its_reason(
     screen: Screen, capsys: pytest.CaptureFixture[str]
 ) -> None:
     screen.event(Event(name="b", kind=EventKind.EXITED, detail="killed by SIGKILL"), ["one", "two"])

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
-from tests.metaros.cli.conftest import assert_told, spinning
-from tests.support.command_line import call_metaros, program
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import assert_reported, spinning
+from tests.support.processes.command_line import call_metaros, program
+from tests.support.processes.processes import END_S, started
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_what_cannot_be_says_why(run, arm):
         ("get", "/demo/amr", "speed"): (1, "did you mean /demo/arm"),
         ("dump", "/mute"): (1, "/mute offers no parameters"),
     }
-    assert_told(run, table, "param")
+    assert_reported(run, table, "param")
 
 
 def test_describe(run, arm):

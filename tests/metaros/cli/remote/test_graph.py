@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from metaros.cli.afar.graph import FarGraph
-from metaros.cli.graph_model import draw
+from metaros.cli.graph.model import build_graph_model
+from metaros.cli.remote.graph import RemoteGraph
 from metaros.wire import QoSProfile, Reliability
 
 BEST_EFFORT = QoSProfile(reliability=Reliability.BEST_EFFORT).encode()
@@ -38,7 +38,7 @@ DOCUMENT: dict[str, Any] = {
 
 
 def test_names_types_and_ends() -> None:
-    graph = FarGraph(DOCUMENT)
+    graph = RemoteGraph(DOCUMENT)
     assert [node.full_name for node in graph.nodes()][-2:] == ["/r1/listener", "/r1/talker"]
     assert graph.topics() == {"/r1/chatter": {STRING}}
     assert graph.services()["/r1/reset"] == {TRIGGER}
@@ -48,7 +48,7 @@ def test_names_types_and_ends() -> None:
 
 
 def test_actions_and_what_does_not_match_are_drawn_as_at_home() -> None:
-    links = {link.name: link for link in draw([], FarGraph(DOCUMENT).tokens()).links}
+    links = {link.name: link for link in build_graph_model([], RemoteGraph(DOCUMENT).tokens()).links}
     assert links["/r1/dock"].kind == "action"
     assert links["/r1/dock"].types == ("nav_msgs/action/Dock",)
     assert (links["/r1/dock"].sources, links["/r1/dock"].sinks) == (("/r1/talker",), ("/r1/listener",))
@@ -58,5 +58,5 @@ def test_actions_and_what_does_not_match_are_drawn_as_at_home() -> None:
 
 
 def test_an_agent_that_tells_nothing_has_an_empty_graph() -> None:
-    empty = FarGraph({"nodes": [], "topics": [], "services": [], "actions": []})
+    empty = RemoteGraph({"nodes": [], "topics": [], "services": [], "actions": []})
     assert (empty.nodes(), empty.endpoints(), empty.tokens()) == ([], [], [])

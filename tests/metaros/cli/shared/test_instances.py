@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.instance import (
+from metaros.cli.shared.instances import (
     Instance,
     StateFile,
     claim_lock,
@@ -20,13 +20,13 @@ from metaros.cli.instance import (
     runtime_dir,
 )
 from metaros.errors import ConfigError
-from tests.support.processes import END_S, started
+from tests.support.processes.processes import END_S, started
 from tests.support.waiting import wait_until
 
 HOLDER = """
 import sys
 from pathlib import Path
-from metaros.cli.instance import Instance, StateFile, open_data_dir
+from metaros.cli.shared.instances import Instance, StateFile, open_data_dir
 state = StateFile()
 state.write(Instance(pid=1, state="ready", http_port=8080, robots=("sim_1",), started_ns=int(sys.argv[1])))
 data = open_data_dir(None)

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from metaros.cli.keys import keyboard
+from metaros.cli.shared.keys import keyboard
 from tests.support.waiting import wait_until
 
 

@@ -8,9 +8,9 @@ import subprocess
 
 import pytest
 
-from metaros.cli.options import Format
-from metaros.cli.output import Output, human_bytes, human_seconds
-from tests.support.command_line import program
+from metaros.cli.shared.options import Format
+from metaros.cli.shared.output import Output, human_bytes, human_seconds
+from tests.support.processes.command_line import program
 from tests.support.tables import cases
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from metaros.cli.up_ports import choose_port, port_accepts, port_free, port_owner
+from metaros.cli.shared.ports import choose_port, port_accepts, port_free, port_owner
 from metaros.errors import ConfigError
 
 

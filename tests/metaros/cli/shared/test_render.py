@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from metaros.cli.render import field_of, message_yaml, plain
+from metaros.cli.shared.render import field_of, message_yaml, plain
 from metaros.errors import FieldError
 from metaros.idl import message_class
 from tests.support.tables import cases

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from metaros.cli.topic_find import sensible_qos
+from metaros.cli.shared.topic_lookup import sensible_qos
 from metaros.wire import Durability, QoSProfile, Reliability, qos_default, qos_sensor_data, qos_transient_local
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from metaros.cli.types import example, full_type, parse_values
+from metaros.cli.shared.types import example, full_type, parse_values
 from metaros.errors import FieldError, UnknownTypeError, UsageError
 from metaros.idl import message_class
 from metaros.idl.json import from_json

@@ -13,25 +13,25 @@ import pytest
 from rich.console import Console
 
 import metaros
-from metaros.cli.top_drops import DropRow, drop_cells, drop_rows
-from metaros.cli.top_meter import Meter, Rates
-from metaros.cli.top_rows import NodeRow, Screenful, TopicRow, node_rows, topic_rows
-from metaros.cli.top_screen import node_columns, render, summary, topic_cells
+from metaros.cli.shared.topic_rates import RateMeter, TopicRates
+from metaros.cli.top.drops import DropRow, drop_cells, drop_rows
+from metaros.cli.top.rows import NodeRow, Screenful, TopicRow, node_rows, topic_rows
+from metaros.cli.top.screen import node_columns, render, summary, topic_cells
 from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import EndpointToken, NodeToken, qos_default
 from metaros.wire.graph import GraphState
-from tests.metaros.cli.conftest import Run, Told
-from tests.support.command_line import program
-from tests.support.processes import END_S, started
+from tests.metaros.cli.conftest import Reported, Run
+from tests.support.processes.command_line import program
+from tests.support.processes.processes import END_S, started
 
 
 def test_rates_are_means_over_five_looks() -> None:
-    meter = Meter()
+    meter = RateMeter()
     assert meter.look(0.0, {}) == {}
-    assert meter.look(1.0, {"/a": (10, 1000)}) == {"/a": Rates(10.0, 1000.0)}
+    assert meter.look(1.0, {"/a": (10, 1000)}) == {"/a": TopicRates(10.0, 1000.0)}
     for second in range(2, 11):
         rates = meter.look(float(second), {"/a": (10, 1000), "/b": (second, second)})
-    assert rates == {"/a": Rates(0.0, 0.0), "/b": Rates(1.0, 1.0)}
+    assert rates == {"/a": TopicRates(0.0, 0.0), "/b": TopicRates(1.0, 1.0)}
 
 
 def state() -> GraphState:
@@ -48,7 +48,7 @@ def state() -> GraphState:
 
 def test_rows_and_their_order() -> None:
     ends = state().endpoints()
-    rates = {"/b": Rates(5.0, 50.0), "/a": Rates(2.0, 100.0)}
+    rates = {"/b": TopicRates(5.0, 50.0), "/a": TopicRates(2.0, 100.0)}
     first = TopicRow("/a", "std_msgs/msg/String", 2.0, 100.0, 1, 1)
     second = TopicRow("/b", "std_msgs/msg/String", 5.0, 50.0, 1, 0)
     assert topic_rows(ends, rates) == (first, second)
@@ -58,7 +58,7 @@ def test_rows_and_their_order() -> None:
 
 
 def test_a_node_s_process_is_shown_where_it_is_known() -> None:
-    from metaros.cli.top_processes import Usage
+    from metaros.cli.top.processes import Usage
 
     graph = state()
     rows = node_rows(graph.nodes(), graph.endpoints(), {"b2": Usage(42, 12.5)})
@@ -128,7 +128,7 @@ def test_a_stream_of_objects(zenoh_port: str) -> None:
 
 
 @pytest.mark.usefixtures("talker")
-def test_graph_as_tree_json_and_dot(run: Run, talker: metaros.Node, told: Told) -> None:
+def test_graph_as_tree_json_and_dot(run: Run, talker: metaros.Node, told: Reported) -> None:
     talker.create_publisher(String, "/cry")
     talker.create_raw_subscription("/cry", "std_msgs/msg/String", "RIHS01_" + "ab" * 32, qos_default, lambda _: None)
     told("/cry", ends=2)

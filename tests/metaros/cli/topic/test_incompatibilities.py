@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 
 import metaros
-from metaros.cli.options import Format
-from metaros.cli.output import Output
-from metaros.cli.topic_problems import print_problems
+from metaros.cli.shared.options import Format
+from metaros.cli.shared.output import Output
+from metaros.cli.topic.incompatibilities import print_problems
 from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import QoSProfile, Reliability
-from tests.metaros.cli.conftest import Run, Told
+from tests.metaros.cli.conftest import Reported, Run
 
 
-def test_pairs_at_odds_are_shown(run: Run, zenoh_router: str, told: Told) -> None:
+def test_pairs_at_odds_are_shown(run: Run, zenoh_router: str, told: Reported) -> None:
     with metaros.Context(domain_id=0, connect=zenoh_router) as context:
         talker, listener = metaros.Node("talker", context=context), metaros.Node("listener", context=context)
         talker.create_publisher(String, "/t", QoSProfile(reliability=Reliability.BEST_EFFORT))

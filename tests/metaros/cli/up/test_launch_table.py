@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from metaros.cli.up_plan import Plan, Replica, first_free_robot, host_robot_name, launches
+from metaros.cli.up.launch_table import Plan, Replica, first_free_robot, host_robot_name, launches
 from tests.support.tables import cases
 
 

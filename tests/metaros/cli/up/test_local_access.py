@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-from metaros.cli.up_access import make_secret
+from metaros.cli.up.local_access import make_secret
 from tests.gateway.harness import client, running_gateway
 
 LINKS = "/api/v1/auth/links"

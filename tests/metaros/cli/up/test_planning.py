@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.instance import DataDir, Instance, StateFile, open_data_dir
-from metaros.cli.up_decide import UpOptions, claim, decide, lost_ports
-from metaros.cli.up_screen import Screen
+from metaros.cli.shared.instances import DataDir, Instance, StateFile, open_data_dir
+from metaros.cli.up.planning import UpOptions, claim, lost_ports, make_plan
+from metaros.cli.up.screen import Screen
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError
 
@@ -41,7 +41,7 @@ def free() -> list[int]:
 
 
 def test_free_ports_are_taken_as_asked(free: list[int], data: DataDir, clock: ManualClock) -> None:
-    plan = decide(options(free, robots=2), data, Screen(clock=clock))
+    plan = make_plan(options(free, robots=2), data, Screen(clock=clock))
     assert [plan.http_port, plan.grpc_port, plan.zenoh_port] == free
     assert plan.own_router
     assert plan.simulated == ("sim_1", "sim_2")
@@ -51,7 +51,7 @@ def test_a_router_that_runs_is_joined(
     free: list[int], data: DataDir, clock: ManualClock, zenoh_router: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     port = int(zenoh_router.rsplit(":", 1)[1])
-    plan = decide(options(free, zenoh_port=port), data, Screen(clock=clock))
+    plan = make_plan(options(free, zenoh_port=port), data, Screen(clock=clock))
     assert (plan.zenoh_port, plan.own_router) == (port, False)
     assert "joining it" in capsys.readouterr().out
 
@@ -72,8 +72,8 @@ def test_what_another_instance_claims_is_left_to_it(
     )
     try:
         with pytest.raises(ConfigError, match="another `metaros up`"):
-            decide(options(free), data, Screen(clock=clock))
-        plan = decide(options(free, port=None, grpc_port=None, robots=1), data, Screen(clock=clock))
+            make_plan(options(free), data, Screen(clock=clock))
+        plan = make_plan(options(free, port=None, grpc_port=None, robots=1), data, Screen(clock=clock))
         assert not plan.own_router
         assert plan.simulated == ("sim_3",)
         assert "sim_1 to sim_2 exist already" in capsys.readouterr().out
@@ -84,7 +84,7 @@ def test_what_another_instance_claims_is_left_to_it(
 @pytest.mark.parametrize("other", ["grpc_port", "zenoh_port"])
 def test_one_port_for_two_services_is_an_error(free: list[int], data: DataDir, clock: ManualClock, other: str) -> None:
     with pytest.raises(ConfigError, match="are both"):
-        decide(options(free, **{other: free[0]}), data, Screen(clock=clock))
+        make_plan(options(free, **{other: free[0]}), data, Screen(clock=clock))
 
 
 def test_the_dashboard_may_have_the_link_s_default_port(
@@ -94,10 +94,10 @@ def test_the_dashboard_may_have_the_link_s_default_port(
     free: list[int],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from metaros.cli import up_decide
+    from metaros.cli.up import planning as up_decide
 
     monkeypatch.setattr(up_decide, "GRPC_PORT", free[0])  # whether 8081 is free is not this test's business
-    plan = decide(options(free, port=free[0], grpc_port=None), data, Screen(clock=clock))
+    plan = make_plan(options(free, port=free[0], grpc_port=None), data, Screen(clock=clock))
     assert plan.grpc_port > free[0]
     assert "in use by the dashboard" in capsys.readouterr().out
 
@@ -105,20 +105,20 @@ def test_the_dashboard_may_have_the_link_s_default_port(
 def test_who_moves_takes_no_port_that_another_service_is_to_have(
     data: DataDir, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from metaros.cli import up_decide
+    from metaros.cli.up import planning as up_decide
     from tests.support.ports import free_port
 
     first = free_port()
     monkeypatch.setattr(up_decide, "HTTP_PORT", first)
     monkeypatch.setattr(up_decide, "GRPC_PORT", first)
-    plan = decide(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock))
+    plan = make_plan(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock))
     assert len({plan.http_port, plan.grpc_port, plan.zenoh_port}) == 3
-    again = decide(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock), lost=[plan.grpc_port])
+    again = make_plan(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock), lost=[plan.grpc_port])
     assert again.grpc_port > plan.grpc_port
 
 
 def test_a_port_that_was_lost_is_one_that_nobody_named(free: list[int], data: DataDir, clock: ManualClock) -> None:
-    plan = decide(options(free), data, Screen(clock=clock))
+    plan = make_plan(options(free), data, Screen(clock=clock))
     asked = options(free, port=None, zenoh_port=None)
     assert lost_ports(asked, plan, "gateway", ["Traceback"]) == []
     said = [f"error: port {port} cannot be opened: python (pid 1) has it" for port in free]
@@ -132,14 +132,14 @@ def test_a_port_that_was_lost_is_one_that_nobody_named(free: list[int], data: Da
 
 
 def test_the_claim_names_all_that_is_taken(free: list[int], data: DataDir, clock: ManualClock) -> None:
-    claimed = claim(decide(options(free, robots=1, host_robot=False), data, Screen(clock=clock)), clock)
+    claimed = claim(make_plan(options(free, robots=1, host_robot=False), data, Screen(clock=clock)), clock)
     assert (claimed.http_port, claimed.grpc_port, claimed.zenoh_port) == tuple(free)
     assert claimed.robots == ("sim_1",)
     assert claimed.state == "starting"
 
 
 def test_replicas_get_ports_of_their_own(free: list[int], data: DataDir, clock: ManualClock) -> None:
-    plan = decide(options(free, replicas=3, database="postgresql://h/d"), data, Screen(clock=clock))
+    plan = make_plan(options(free, replicas=3, database="postgresql://h/d"), data, Screen(clock=clock))
     ports = [plan.http_port, plan.grpc_port, plan.zenoh_port, plan.cluster_port]
     ports += [port for replica in plan.replicas for port in (replica.http_port, replica.grpc_port)]
     assert len(set(ports)) == 8
@@ -159,4 +159,4 @@ def test_replicas_need_a_database_and_stay_on_this_machine(
     free: list[int], data: DataDir, clock: ManualClock, changes: dict[str, object], said: str
 ) -> None:
     with pytest.raises(ConfigError, match=said):
-        decide(options(free, **changes), data, Screen(clock=clock))
+        make_plan(options(free, **changes), data, Screen(clock=clock))

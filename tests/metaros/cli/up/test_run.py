@@ -17,12 +17,13 @@ from pathlib import Path
 import pytest
 
 from gateway import settings
-from metaros.cli import up_decide, up_plan, up_run
-from metaros.cli.instance import DataDir, Instance, StateFile, open_data_dir, running_instances
-from metaros.cli.options import DEFAULT_ZENOH_PORT
-from metaros.cli.up_decide import UpOptions
-from metaros.cli.up_plan import Plan
-from metaros.cli.up_screen import Screen
+from metaros.cli.shared.instances import DataDir, Instance, StateFile, open_data_dir, running_instances
+from metaros.cli.shared.options import DEFAULT_ZENOH_PORT
+from metaros.cli.up import launch_table, run
+from metaros.cli.up import planning as up_decide
+from metaros.cli.up.launch_table import Plan
+from metaros.cli.up.planning import UpOptions
+from metaros.cli.up.screen import Screen
 from metaros.clock import SystemClock, system_rng
 from metaros.errors import ConfigError, UnavailableError
 from metaros.supervise import Launch
@@ -54,7 +55,7 @@ while True:
 def stand_ins(plan: Plan) -> tuple[Launch, ...]:
     """The table of `metaros up` with small programs in it."""
     return tuple(
-        replace(row, argv=(sys.executable, "-S", "-c", STAND_IN, *row.argv[3:])) for row in up_plan.launches(plan)
+        replace(row, argv=(sys.executable, "-S", "-c", STAND_IN, *row.argv[3:])) for row in launch_table.launches(plan)
     )
 
 
@@ -65,14 +66,14 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.setattr(up_decide, "HTTP_PORT", free_port())  # whether 8080 is free is not this test's business
     monkeypatch.setattr(up_decide, "GRPC_PORT", free_port())
-    monkeypatch.setattr(up_run, "launches", stand_ins)
+    monkeypatch.setattr(run, "launches", stand_ins)
     with ExitStack() as taken:
 
         def started(port_of: Callable[[Plan], int], *, thefts: int) -> asyncio.Task[None]:
             left = iter(range(thefts))
 
-            def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
-                plan = up_decide.decide(options, data, screen, lost=lost)
+            def make_plan(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
+                plan = up_decide.make_plan(options, data, screen, lost=lost)
                 if next(left, None) is not None:
                     thief = taken.enter_context(socket.socket())
                     thief.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -80,10 +81,10 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
                     thief.listen(8)
                 return plan
 
-            monkeypatch.setattr(up_run, "decide", decide)
+            monkeypatch.setattr(run, "make_plan", make_plan)
             options = UpOptions(robots=0, host_robot=False, zenoh_port=free_port(), data_dir=tmp_path / "data")
             clock = SystemClock()
-            return asyncio.create_task(up_run.run(options, Screen(clock=clock), clock=clock, rng=system_rng()))
+            return asyncio.create_task(run.run(options, Screen(clock=clock), clock=clock, rng=system_rng()))
 
         yield started
 
@@ -96,7 +97,7 @@ async def test_a_port_that_is_taken_before_the_start_is_replaced(
     port_of: Callable[[Plan], int],
 ) -> None:
     stops: list[Callable[[], None]] = []
-    monkeypatch.setattr(up_run, "on_stop", lambda loop, ask, hangup: stops.append(ask))
+    monkeypatch.setattr(run, "on_stop", lambda loop, ask, hangup: stops.append(ask))
     running = start(port_of, thefts=1)
     await wait_until_async(lambda: running.done() or [one.state for one in running_instances()] == ["ready"])
     stops[-1]()
@@ -113,25 +114,25 @@ async def test_whose_ports_are_taken_every_time_gives_up(
 ) -> None:
     with pytest.raises(UnavailableError, match="gateway does not stay up"):
         await start(lambda plan: plan.http_port, thefts=99)
-    assert capsys.readouterr().out.count("starting again with others") == up_run.STARTS - 1
+    assert capsys.readouterr().out.count("starting again with others") == run.STARTS - 1
     assert running_instances() == []
 
 
-async def test_data_that_lie_elsewhere_are_told_before_anything_else(
+async def test_data_that_lie_remote_are_reported_before_anything_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "runtime"))
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
 
-    def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
+    def make_plan(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
         raise ConfigError(f"nothing to start in {data.path.name}")
 
-    monkeypatch.setattr(up_run, "decide", decide)
+    monkeypatch.setattr(run, "make_plan", make_plan)
     clock = SystemClock()
     first = open_data_dir(None)
     with pytest.raises(ConfigError, match="in instance-2"):
-        await up_run.run(UpOptions(), Screen(clock=clock), clock=clock, rng=system_rng())
+        await run.run(UpOptions(), Screen(clock=clock), clock=clock, rng=system_rng())
     said = f"another `metaros up` uses {first.path}: this one keeps its data in {first.path / 'instance-2'}"
     assert said in capsys.readouterr().out
     first.lock.close()
@@ -139,14 +140,14 @@ async def test_data_that_lie_elsewhere_are_told_before_anything_else(
 
 async def test_what_is_not_ready_in_time_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(up_run, "START_TIMEOUT_S", 0.0)
+    monkeypatch.setattr(run, "START_TIMEOUT_S", 0.0)
     clock = SystemClock()
     options = UpOptions(robots=0, host_robot=False, zenoh_port=free_port(), data_dir=tmp_path / "data")
     data = open_data_dir(options.data_dir)
     state = StateFile()
-    plan = up_decide.decide(options, data, Screen(clock=clock), lost=[])
-    claimed: Instance = up_run.claim(plan, clock)
-    up = up_run._Up(plan, claimed, state, Screen(clock=clock), clock=clock, rng=system_rng(), lost=None)
+    plan = up_decide.make_plan(options, data, Screen(clock=clock), lost=[])
+    claimed: Instance = run.claim(plan, clock)
+    up = run._Up(plan, claimed, state, Screen(clock=clock), clock=clock, rng=system_rng(), lost=None)
     with pytest.raises(UnavailableError, match="the robots not ready after 0 s") as late:
         await up._step("the robots", lambda: False)
     assert f"logs: {plan.log_dir}" in str(late.value)

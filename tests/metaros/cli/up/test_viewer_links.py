@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-from metaros.cli.viewer_links import foxglove_page, make_ticket, socket_url, viewer_ports
+from metaros.cli.up.viewer_links import foxglove_page, make_ticket, socket_url, viewer_ports
 from tests.gateway.harness import running_gateway
 
 
@@ -21,7 +21,7 @@ def test_ports_are_read_from_the_status_file(tmp_path: Path) -> None:
     assert viewer_ports(status) == (1, 2)
 
 
-def test_the_page_is_told_the_whole_address() -> None:
+def test_the_page_is_reported_the_whole_address() -> None:
     page = foxglove_page("http://127.0.0.1:8080", 8765, "mrt_a.b")
     asked = parse_qs(urlsplit(page).query)
     assert asked == {"ds": ["foxglove-websocket"], "ds.url": ["ws://127.0.0.1:8765/?token=mrt_a.b"]}

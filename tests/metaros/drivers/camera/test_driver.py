@@ -26,9 +26,9 @@ from metaros.interfaces.foxglove_msgs.msg import CompressedVideo
 from metaros.interfaces.metaros_msgs.msg import VideoDemand
 from metaros.interfaces.sensor_msgs.msg import CameraInfo, CompressedImage
 from metaros.interfaces.std_msgs.msg import String
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.drivers import RunningDriver, running
 from tests.support.ports import free_port
-from tests.support.rtsp_server import RtspServer
+from tests.support.servers.rtsp_server import RtspServer
 from tests.support.waiting import wait_until
 
 SMALL = {"source": "test", "width": 160, "height": 120, "rate": 50}

@@ -59,18 +59,18 @@ def test_pictures_of_another_size_are_scaled() -> None:
     assert {image.shape for image in decoded(units)} == {(240, 320, 3)}
 
 
-def test_an_encoder_that_is_not_there_is_replaced_and_told() -> None:
-    told: list[str] = []
-    encoder = H264Encoder(RUNG, rate=30, name="h264_v4l2m2m", warn=told.append)
+def test_an_encoder_that_is_not_there_is_replaced_and_reported() -> None:
+    reported: list[str] = []
+    encoder = H264Encoder(RUNG, rate=30, name="h264_v4l2m2m", warn=reported.append)
     assert encoder.name == "libx264"
-    assert "h264_v4l2m2m" in told[0]
+    assert "h264_v4l2m2m" in reported[0]
     assert encoder.encode(TestPattern(320, 240).read(), key_frame=False)
 
 
 def test_what_is_no_encoder_at_all_is_replaced_too() -> None:
-    told: list[str] = []
-    assert H264Encoder(RUNG, rate=30, name="no_such_encoder", warn=told.append).name == "libx264"
-    assert told
+    reported: list[str] = []
+    assert H264Encoder(RUNG, rate=30, name="no_such_encoder", warn=reported.append).name == "libx264"
+    assert reported
 
 
 def test_a_rate_that_ffmpeg_cannot_have_is_refused() -> None:

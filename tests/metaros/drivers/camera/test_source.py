@@ -10,7 +10,7 @@ import pytest
 
 from metaros.drivers.camera.encoders import encode_jpeg, resized
 from metaros.drivers.camera.probe import find
-from metaros.drivers.camera.source import TestPattern, VideoSource, open_source, resolve_source, told
+from metaros.drivers.camera.source import TestPattern, VideoSource, open_source, redacted, resolve_source
 from metaros.errors import ConfigError, UnavailableError
 
 
@@ -74,10 +74,10 @@ def test_half_a_file_plays_what_there_is(tmp_path: Path) -> None:
     source.close()
 
 
-def test_passwords_are_told_to_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert told("rtsp://user:secret@10.0.0.7:554/stream?token=1#x") == "rtsp://10.0.0.7:554/stream"
-    assert told("http://[::1") == "http://…"
-    assert told("/dev/video0") == "/dev/video0"
+def test_passwords_are_reported_to_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert redacted("rtsp://user:secret@10.0.0.7:554/stream?token=1#x") == "rtsp://10.0.0.7:554/stream"
+    assert redacted("http://[::1") == "http://…"
+    assert redacted("/dev/video0") == "/dev/video0"
     monkeypatch.setenv("FRONT", "rtsp://user:secret@10.0.0.7/stream")
     assert resolve_source("env:FRONT") == "rtsp://user:secret@10.0.0.7/stream"
     with pytest.raises(ConfigError, match="NOWHERE is not set"):

@@ -15,8 +15,8 @@ import pytest
 import metaros
 from metaros.interfaces.can_msgs.msg import Frame
 from metaros.interfaces.std_msgs.msg import Float64
-from tests.support.drivers import RunningDriver, running
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 DBC = """VERSION ""
@@ -90,7 +90,7 @@ def _has_multicast() -> bool:
     return True
 
 
-def test_error_frames_are_told(context: metaros.Context) -> None:
+def test_error_frames_are_reported(context: metaros.Context) -> None:
     with on_bus(context, "virtual", "broken") as (driver, bus):
         bus.send(can.Message(is_error_frame=True))
         wait_until(lambda: driver.status().message == "the bus has errors" and count(driver, "error_frames") == 1)
@@ -112,8 +112,8 @@ def test_only_what_is_allowed_is_sent(context: metaros.Context) -> None:
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)
         good = Frame(id=0x100, dlc=2, data=np.array([1, 2, 0, 0, 0, 0, 0, 0], np.uint8))
         repeat(lambda: sender.publish(good), lambda: count(driver, "sent_frames") > 0)
-        heard = bus.recv(60)
-        assert (heard.arbitration_id, bytes(heard.data), heard.is_extended_id) == (0x100, b"\1\2", False)
+        received = bus.recv(60)
+        assert (received.arbitration_id, bytes(received.data), received.is_extended_id) == (0x100, b"\1\2", False)
         refused = count(driver, "refused_commands")
         long = Frame(id=0x100, is_extended=True)
         for wrong in (Frame(id=0x102), long, Frame(id=0x100, dlc=9), Frame(id=0x100, is_error=True), Frame(id=0x900)):
@@ -142,11 +142,11 @@ def test_an_adapter_on_a_serial_port(context: metaros.Context, tmp_path: Path) -
     ):
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)
-        heard = bytearray()
+        received = bytearray()
 
         def says(text: bytes) -> bool:
-            heard.extend(pty.read())
-            return text in heard
+            received.extend(pty.read())
+            return text in received
 
         wait_until(lambda: says(b"C\rS5\rO\r"))
         pty.write(b"\rt1002AABB\rT18FF00FF11")
@@ -169,7 +169,7 @@ def test_an_adapter_on_a_serial_port(context: metaros.Context, tmp_path: Path) -
         pty.unplug()
         wait_until(lambda: driver.state() == "waiting")
         pty.replug()
-        heard.clear()
+        received.clear()
         wait_until(lambda: driver.state() == "working" and says(b"S5\rO\r"))
         seen = len(frames)
         repeat(lambda: pty.write(b"t0010\r"), lambda: len(frames) > seen)

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 import metaros
-from metaros.drivers.diff_drive.board import ANSWER_S
+from metaros.drivers.diff_drive.motor_board import ANSWER_S
 from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import JointState
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.interfaces.tf2_msgs.msg import TFMessage
-from tests.support.base_emulator import BaseEmulator
-from tests.support.drivers import RunningDriver, running
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.base_emulator import BaseEmulator
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 GEOMETRY: dict[str, Any] = {"wheel_radius": 0.05, "ticks_per_turn": 20_000.0, "pid_rate": 30.0}
@@ -47,14 +47,14 @@ class Rig:
 
     def rest(self) -> None:
         """Stand still, also by the odometry: no reading of it has two movements."""
-        self.drive(0.0, 0.0, self.standing)
+        self.drive(0.0, 0.0, self.status)
         seen = len(self.odometry)
         wait_until(lambda: len(self.odometry) > seen + 1)
 
     def moving(self) -> bool:
         return self.base.targets != (0, 0)
 
-    def standing(self) -> bool:
+    def status(self) -> bool:
         return self.base.targets == (0, 0)
 
     def call(self, name: str) -> Any:
@@ -94,7 +94,7 @@ def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, context: m
             made.drive(0.0, 6.0, lambda goal=yaw: base.yaw >= goal)
             made.rest()
         made.driver.leap(made.driver.node.parameters["watchdog"])
-        wait_until(made.standing)
+        wait_until(made.status)
         seen = len(made.odometry)
         wait_until(lambda: len(made.odometry) > seen + 3)
         x, y, heading = made.place()
@@ -114,7 +114,7 @@ def test_transforms_and_joints_say_the_same(tmp_path: Path, context: metaros.Con
         joints = made.driver.messages(JointState, "joint_states")
         made.drive(0.4, 0.0, lambda: joints and transforms and joints[-1].velocity[0] > 1)
         made.driver.leap(made.driver.node.parameters["watchdog"])
-        wait_until(made.standing)
+        wait_until(made.status)
         seen = len(joints)
         wait_until(lambda: len(joints) > seen + 3)
         joint, (transform,) = joints[-1], transforms[-1].transforms
@@ -128,16 +128,16 @@ def test_without_a_fresh_command_it_stops(tmp_path: Path, context: metaros.Conte
     with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, made.moving)
         wait_until(lambda: "m 0 0" in made.base.commands[-2:])  # the driver's stop, not the board's own
-        assert made.standing()
+        assert made.status()
 
 
 def test_limits_and_acceleration_hold(tmp_path: Path, context: metaros.Context) -> None:
     with rig(tmp_path, context, max_linear=0.2, linear_acceleration=0.5) as made:
         made.drive(100.0, 0.0, lambda: made.odometry[-1].twist.twist.linear.x > 0.15)
         most = 0.2 / (2 * math.pi * 0.05 / 20_000) / 30
-        told = [int(line.split()[1]) for line in made.base.commands if line.startswith("m")]
-        assert max(told) <= round(most)
-        assert any(0 < ticks < most / 2 for ticks in told)
+        reported = [int(line.split()[1]) for line in made.base.commands if line.startswith("m")]
+        assert max(reported) <= round(most)
+        assert any(0 < ticks < most / 2 for ticks in reported)
 
 
 def test_commands_that_are_no_numbers_are_refused(tmp_path: Path, context: metaros.Context) -> None:
@@ -157,7 +157,7 @@ def test_stop_holds_until_release_and_a_new_command(tmp_path: Path, context: met
         wait_until(lambda: made.driver.status().message == "stopped by ~/stop")
         assert made.call("release").success
         wait_until(lambda: made.driver.status().message != "stopped by ~/stop")
-        assert made.standing()
+        assert made.status()
         made.drive(0.4, 0.0, made.moving)
 
 
@@ -184,7 +184,7 @@ def test_it_stops_the_wheels_when_it_is_stopped(tmp_path: Path, context: metaros
         made.drive(0.4, 0.0, made.moving)
         made.driver.node.trigger("deactivate")
         wait_until(lambda: made.base.commands[-1] == "m 0 0")  # and no question after it
-        assert made.standing()
+        assert made.status()
 
 
 def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Path, context: metaros.Context) -> None:
@@ -192,7 +192,7 @@ def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Pa
         made.drive(0.1, 0.0, lambda: made.base.x > 0.02)
         made.base.restart()
         wait_until(lambda: made.driver.facts().get("encoder_jumps") == "1" or "reconnects" in made.driver.facts())
-        wait_until(made.standing)
+        wait_until(made.status)
         assert made.place()[0] == pytest.approx(made.base.x, abs=0.05)
 
 
@@ -202,7 +202,7 @@ def test_encoders_wrap(tmp_path: Path, context: metaros.Context) -> None:
         wait_until(lambda: int(made.driver.facts().get("encoder_jumps", 0)) == 1)  # the emulator's, once
         made.drive(0.4, 0.0, lambda: made.base.x > 0.1)
         made.driver.leap(made.driver.node.parameters["watchdog"])
-        wait_until(made.standing)
+        wait_until(made.status)
         wait_until(lambda: made.place()[0] == pytest.approx(made.base.x, abs=0.003))
         assert made.driver.facts()["encoder_jumps"] == "1"
 
@@ -213,7 +213,7 @@ def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, context: meta
         made.base.noise = b"9" * 500 + b"\r\n" + rng.randbytes(200).replace(b"\n", b"") + b"\n"
         seen = len(made.odometry)
         wait_until(lambda: len(made.odometry) > seen + 10)
-        assert made.standing()
+        assert made.status()
         assert made.place() == pytest.approx((0, 0, 0), abs=1e-9)
         assert int(made.driver.facts()["long_lines"]) > 0
         made.base.noise = b""

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import Any
 
 from metaros.clock import ManualClock
-from metaros.drivers.diff_drive.board import ANSWER_S, Board
+from metaros.drivers.diff_drive.motor_board import ANSWER_S, MotorBoard
 
 
 class FakePort:
@@ -31,7 +31,7 @@ class FakePort:
         return answers
 
 
-class FakeUnit:
+class FakeContext:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.stopping = False
@@ -42,7 +42,7 @@ class FakeUnit:
 
 
 def test_a_process_that_slept_finds_its_answer() -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort(unit.clock, late_s=10 * ANSWER_S)
-    assert Board(unit, port).exchange(0, 0) == (12, 34)
-    assert not unit.counted
+    context: Any = FakeContext()
+    port: Any = FakePort(context.clock, late_s=10 * ANSWER_S)
+    assert MotorBoard(context, port).exchange(0, 0) == (12, 34)
+    assert not context.counted

@@ -48,7 +48,7 @@ def test_a_square_leads_back_to_its_begin() -> None:
     assert pose.yaw_variance == pytest.approx(0.05**2 * 2 * math.pi, rel=0.02)
 
 
-def test_speeds_and_wheels_are_told() -> None:
+def test_speeds_and_wheels_are_reported() -> None:
     odometer, state = Odometer(WHEELS, max_ticks_s=10_000), [0.0, 0.0, 0.0]
     odometer.feed((0, 0), 0.0, error=0.05)
     driven(odometer, 100, 0.5, 0.0, state)

@@ -14,7 +14,7 @@ import metaros
 from metaros.drivers.gpio.driver import REPEAT_S
 from metaros.errors import ConfigError
 from metaros.interfaces.std_msgs.msg import Bool
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.drivers import RunningDriver, running
 from tests.support.waiting import wait_until
 
 
@@ -44,26 +44,26 @@ def set_until(driver: RunningDriver, name: str, value: bool, condition: Callable
     publisher.close()
 
 
-def test_inputs_are_told_at_changes_and_again(pins: MockFactory, context: metaros.Context) -> None:
+def test_inputs_are_reported_at_changes_and_again(pins: MockFactory, context: metaros.Context) -> None:
     with running("gpio", {"inputs": "17:door,27:bumper:pull_up"}, context=context) as driver:
-        door, bumper = states(driver, "door"), states(driver, "bumper")
-        wait_until(lambda: door and bumper)
-        assert (door[-1].data, bumper[-1].data) == (False, False)
+        authenticator, bumper = states(driver, "door"), states(driver, "bumper")
+        wait_until(lambda: authenticator and bumper)
+        assert (authenticator[-1].data, bumper[-1].data) == (False, False)
         pins.pin(17).drive_high()
         pins.pin(27).drive_low()  # the bumper's switch goes to ground
-        wait_until(lambda: door[-1].data and bumper[-1].data)
-        seen = len(door)
+        wait_until(lambda: authenticator[-1].data and bumper[-1].data)
+        seen = len(authenticator)
         driver.leap(REPEAT_S)
-        wait_until(lambda: len(door) > seen)
+        wait_until(lambda: len(authenticator) > seen)
         wait_until(lambda: driver.state() == "working")
 
 
 def test_inverted_and_floating_inputs(pins: MockFactory, context: metaros.Context) -> None:
     with running("gpio", {"inputs": "17:door:floating:inverted"}, context=context) as driver:
-        door = states(driver, "door")
-        wait_until(lambda: door and door[-1].data)
+        authenticator = states(driver, "door")
+        wait_until(lambda: authenticator and authenticator[-1].data)
         pins.pin(17).drive_high()
-        wait_until(lambda: not door[-1].data)
+        wait_until(lambda: not authenticator[-1].data)
 
 
 def test_outputs_obey_and_are_safe_at_the_end(pins: MockFactory, context: metaros.Context) -> None:
@@ -86,9 +86,9 @@ def test_a_watched_output_falls_back_and_a_pulse_ends(pins: MockFactory, context
     with running("gpio", params, context=context) as driver:
         pump, horn = states(driver, "pump"), states(driver, "horn")
         wait_until(lambda: pump and horn)
-        for number, name, told in ((23, "pump", pump), (24, "horn", horn)):
-            set_until(driver, name, True, lambda: told[-1].data)  # noqa: B023
-            wait_until(lambda: not told[-1].data)  # noqa: B023
+        for number, name, reported in ((23, "pump", pump), (24, "horn", horn)):
+            set_until(driver, name, True, lambda: reported[-1].data)  # noqa: B023
+            wait_until(lambda: not reported[-1].data)  # noqa: B023
             assert pins.pin(number).state == 0
 
 

@@ -9,15 +9,15 @@ from metaros.drivers.gpio.states import Debounced, OutputState
 def test_a_bouncing_input_changes_once_it_rests() -> None:
     state = Debounced()
     assert state.look(False, 0.0, debounce_s=0.02)
-    told = [state.look(seen, now_s, debounce_s=0.02) for now_s, seen in ((1.0, True), (1.01, False), (1.02, True))]
-    assert told == [False] * 3
+    reported = [state.look(seen, now_s, debounce_s=0.02) for now_s, seen in ((1.0, True), (1.01, False), (1.02, True))]
+    assert reported == [False] * 3
     assert not state.look(True, 1.03, debounce_s=0.02)
     assert state.look(True, 1.041, debounce_s=0.02)
     assert state.value is True
     assert not state.look(True, 1.05, debounce_s=0.02)
 
 
-def test_without_debouncing_each_change_is_told() -> None:
+def test_without_debouncing_each_change_is_reported() -> None:
     state = Debounced()
     assert [state.look(seen, 0.0, debounce_s=0.0) for seen in (True, False, True, True)] == [True, True, True, False]
 

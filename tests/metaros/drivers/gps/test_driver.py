@@ -16,9 +16,9 @@ import metaros
 from metaros.drivers.gps.reader import pvt_request
 from metaros.interfaces.geometry_msgs.msg import TwistStamped
 from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
-from tests.support.drivers import RunningDriver, running
-from tests.support.gps_emulator import nmea_epoch, nmea_no_fix, pvt
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.gps_emulator import nmea_epoch, nmea_no_fix, pvt
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 UTC_S = 1_774_269_300  # 23 March 2026, 12:35
@@ -57,7 +57,7 @@ def test_nmea_becomes_fix_velocity_and_time(tmp_path: Path, context: metaros.Con
         assert driver.facts()["hdop"] == "0.9"
 
 
-def test_hdop_gives_the_covariance_where_no_accuracy_is_told(tmp_path: Path, context: metaros.Context) -> None:
+def test_hdop_gives_the_covariance_where_no_accuracy_is_reported(tmp_path: Path, context: metaros.Context) -> None:
     params = {"port": "", "uere": 2.0, "delay": 0.5}
     with PtyDevice(tmp_path) as device:
         with running("gps", params | {"port": device.path}, context=context) as driver:
@@ -77,7 +77,7 @@ def test_without_a_fix_there_is_nan_and_a_warning_until_there_is_one(tmp_path: P
         send_until(device, nmea_epoch, lambda: driver.status().message.startswith("reading"))
 
 
-def test_a_receiver_that_talks_both_is_heard_by_ubx(tmp_path: Path, context: metaros.Context) -> None:
+def test_a_receiver_that_talks_both_is_received_by_ubx(tmp_path: Path, context: metaros.Context) -> None:
     with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         send_until(device, lambda second: pvt(second=second) + nmea_epoch(second), lambda: len(fixes) > 5)

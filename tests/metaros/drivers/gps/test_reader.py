@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from metaros.drivers.gps.epoch import GBAS_FIX, NO_FIX, SBAS_FIX, Epoch
 from metaros.drivers.gps.reader import PREFER_UBX_S, EpochReader, pvt_request
 from metaros.drivers.gps.splitter import nmea_frame, ubx_checksum
-from tests.support.gps_emulator import nmea_epoch, nmea_no_fix, pvt
+from tests.support.devices.gps_emulator import nmea_epoch, nmea_no_fix, pvt
 
 UTC_NS = 1_774_269_319_000_000_000  # 23 March 2026, 12:35:19
 
@@ -48,8 +48,8 @@ def test_hdop_gives_the_covariance_where_the_receiver_tells_no_accuracy() -> Non
     (epoch,) = read(nmea_epoch(19, gst=False))
     across = (0.9 * 5) ** 2
     assert epoch.variances(5.0) == (pytest.approx((across, across, 4 * across)), False)
-    (told,) = read(nmea_epoch(19))
-    assert told.variances(5.0) == (pytest.approx((0.81, 0.64, 2.25)), True)
+    (reported,) = read(nmea_epoch(19))
+    assert reported.variances(5.0) == (pytest.approx((0.81, 0.64, 2.25)), True)
 
 
 @pytest.mark.parametrize(("quality", "status"), [(0, -1), (1, 0), (2, 1), (4, 2), (5, 2), (6, -1), (8, -1)])

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.gps.splitter import MAX_NMEA, MAX_UBX, GpsSplitter, nmea_frame, ubx_checksum
-from tests.support.gps_emulator import nmea_epoch, pvt
+from tests.support.devices.gps_emulator import nmea_epoch, pvt
 
 
 def frames_of(data: bytes, counts: Counter[str] | None = None, *, chunk: int = 4096) -> list[bytes]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import metaros
 from metaros.interfaces.metaros_msgs.msg import HostCpu, HostMemory
 from metaros.wire import qos_default
-from tests.support.drivers import running
+from tests.support.devices.drivers import running
 from tests.support.waiting import wait_until
 
 

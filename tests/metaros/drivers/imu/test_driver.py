@@ -12,9 +12,9 @@ import pytest
 import metaros
 from metaros.drivers.imu.sample import GRAVITY_M_S2
 from metaros.interfaces.sensor_msgs.msg import Imu, MagneticField, Temperature
-from tests.support.drivers import RunningDriver, running
-from tests.support.imu_emulator import wit_round
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.imu_emulator import wit_round
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 

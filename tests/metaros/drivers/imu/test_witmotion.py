@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from metaros.drivers.imu.sample import GRAVITY_M_S2, Sample, plausible
 from metaros.drivers.imu.witmotion import FRAME_BYTES, WitMotionDecoder, from_euler
-from tests.support.imu_emulator import wit_frame, wit_round
+from tests.support.devices.imu_emulator import wit_frame, wit_round
 
 
 def samples_of(data: bytes, counts: Counter[str] | None = None, *, chunk: int = 4096) -> list[Sample]:

@@ -13,8 +13,8 @@ import metaros
 from metaros.drivers.joystick.layout import STANDARD
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.sensor_msgs.msg import Joy
-from tests.support.drivers import RunningDriver, running
-from tests.support.gamepad_emulator import TL, GamepadEmulator
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.gamepad_emulator import TL, GamepadEmulator
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="input events are Linux's")

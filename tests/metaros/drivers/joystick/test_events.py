@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from metaros.drivers.joystick.events import DROPPED, EV_ABS, EV_KEY, EV_SYN, RECORD, REPORT, EventReader, InputEvent
 from metaros.drivers.joystick.layout import STANDARD, AxisRange, Layout, PadState
-from tests.support.gamepad_emulator import TL, record
+from tests.support.devices.gamepad_emulator import TL, record
 
 
 def events_of(data: bytes, counts: Counter[str] | None = None, *, chunk: int = 4096) -> list[InputEvent]:
@@ -73,9 +73,9 @@ def pressed(*events: InputEvent) -> tuple[list[bool], PadState]:
     return [state.take(event) for event in events], state
 
 
-def test_a_group_is_told_at_its_end() -> None:
-    told, state = pressed(InputEvent(EV_ABS, 1, -32768), InputEvent(EV_KEY, TL, 1), InputEvent(EV_SYN, REPORT, 0))
-    assert told == [False, False, True]
+def test_a_group_is_reported_at_its_end() -> None:
+    reported, state = pressed(InputEvent(EV_ABS, 1, -32768), InputEvent(EV_KEY, TL, 1), InputEvent(EV_SYN, REPORT, 0))
+    assert reported == [False, False, True]
     assert state.axes(0.1)[1] == 1.0
     assert state.buttons()[4] == 1
 
@@ -86,14 +86,14 @@ def test_repetition_is_no_press() -> None:
 
 
 def test_after_dropped_events_nothing_is_pressed_until_it_is_pressed_anew() -> None:
-    told, state = pressed(
+    reported, state = pressed(
         InputEvent(EV_KEY, TL, 1),
         InputEvent(EV_ABS, 1, -32768),
         InputEvent(EV_SYN, DROPPED, 0),
         InputEvent(EV_KEY, TL, 1),
         InputEvent(EV_SYN, REPORT, 0),
     )
-    assert told == [False, False, True, False, False]
+    assert reported == [False, False, True, False, False]
     assert sum(state.buttons()) == 0
     assert state.axes(0.1)[1] == 0.0
     state.take(InputEvent(EV_KEY, TL, 1))

@@ -12,11 +12,11 @@ import pytest
 import metaros
 from metaros.errors import ConfigError
 from metaros.interfaces.sensor_msgs.msg import LaserScan
-from tests.support.drivers import RunningDriver, running
-from tests.support.ld19_emulator import Ld19Emulator
-from tests.support.pty_device import PtyDevice
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
-from tests.support.serial_peer import answering
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.ld19_emulator import Ld19Emulator
+from tests.support.devices.pty_device import PtyDevice
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.devices.serial_peer import answering
 from tests.support.waiting import wait_until
 
 
@@ -89,11 +89,11 @@ def test_much_noise_then_a_room(device: PtyDevice, context: metaros.Context) -> 
     lidar = Ld19Emulator()
     with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
-        wait_until(lambda: driver.node.standing.state == "working")
+        wait_until(lambda: driver.node.status.state == "working")
         device.write(np.random.default_rng(1).integers(0, 256, 1 << 17, dtype=np.uint8).tobytes())
         with answering(device, nothing, lambda: lidar.turns(0.25)):
             assert_room(seen(driver, scans))
-        assert driver.node.standing.counters["skipped_bytes"] > 125_000
+        assert driver.node.status.counters["skipped_bytes"] > 125_000
 
 
 def test_unplugged_and_plugged_in_again(device: PtyDevice, context: metaros.Context) -> None:
@@ -115,11 +115,11 @@ def test_a_gap_in_its_clock_is_no_turn(device: PtyDevice, context: metaros.Conte
     lidar = Ld19Emulator()
     with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
-        wait_until(lambda: driver.node.standing.state == "working")
+        wait_until(lambda: driver.node.status.state == "working")
         device.write(lidar.turns(0.9))
         lidar.points += 4500
         device.write(lidar.turns(0.9))
-        wait_until(lambda: driver.node.standing.counters["gaps"] == 1)
+        wait_until(lambda: driver.node.status.counters["gaps"] == 1)
         assert scans == []
         with answering(device, nothing, lambda: lidar.turns(0.25)):
             assert_room(seen(driver, scans))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.ld19.protocol import PACKET_BYTES, POINTS, Packet, PacketStream, crc8, pack
-from tests.support.ld19_emulator import Ld19Emulator
+from tests.support.devices.ld19_emulator import Ld19Emulator
 
 # The packet that the maker's manual takes apart.
 FROM_THE_MANUAL = bytes.fromhex(

@@ -18,7 +18,7 @@ WALL_NS = 1_800_000_000 * 10**9
 
 
 class Counts(Counter[str]):
-    """A Unit's count."""
+    """A DriverContext's count."""
 
     def __call__(self, name: str, by: int = 1) -> None:
         self[name] += by
@@ -39,11 +39,11 @@ def modes(messages: Any) -> list[int]:
 def test_frames_in_any_pieces() -> None:
     sender, ears = codec(Counts()), codec(Counts())
     stream = b"".join(sender.pack(heartbeat(n)) for n in range(300))
-    heard = [m for i in range(0, len(stream), 7) for m in ears.feed(stream[i : i + 7])]
-    assert modes(heard) == list(range(300))
+    received = [m for i in range(0, len(stream), 7) for m in ears.feed(stream[i : i + 7])]
+    assert modes(received) == list(range(300))
 
 
-def test_mavlink_1_is_heard_too() -> None:
+def test_mavlink_1_is_received_too() -> None:
     old = dialect.MAVLink(None, srcSystem=9, srcComponent=1)
     (message,) = codec(Counts()).feed(bytes(heartbeat(5).pack(old, force_mavlink1=True)))
     assert (message.custom_mode, message.get_srcSystem()) == (5, 9)
@@ -51,7 +51,7 @@ def test_mavlink_1_is_heard_too() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(max_size=600), max_size=6))
-def test_a_frame_after_any_garbage_is_heard(pieces: list[bytes]) -> None:
+def test_a_frame_after_any_garbage_is_received(pieces: list[bytes]) -> None:
     counts = Counts()
     ears, sender = codec(counts), codec(Counts())
     for piece in pieces:
@@ -75,8 +75,8 @@ def test_a_changed_bit_is_noticed() -> None:
     for bit in range(8, len(frame) * 8):
         wrong = bytearray(frame)
         wrong[bit // 8] ^= 1 << bit % 8
-        heard = [m for m in codec(Counts()).feed(bytes(wrong) + bytes(300)) if m.get_type() == "HEARTBEAT"]
-        assert heard == []
+        received = [m for m in codec(Counts()).feed(bytes(wrong) + bytes(300)) if m.get_type() == "HEARTBEAT"]
+        assert received == []
 
 
 def test_signed_both_ways() -> None:
@@ -100,8 +100,8 @@ def test_a_forger_with_a_clock_ahead_does_not_shut_out_the_true_sender() -> None
     ears, sender = codec(Counts(), KEY), codec(Counts(), KEY)
     forger = codec(Counts(), OTHER_KEY, wall_ns=WALL_NS + 10**18)
     assert modes(ears.feed(forger.pack(heartbeat(1)))) == []
-    heard = [mode for n in range(2, 40) for mode in modes(ears.feed(sender.pack(heartbeat(n))))]
-    assert heard[:20] == list(range(2, 22))  # what is left of the forged frame may look like the start of a long one
+    received = [mode for n in range(2, 40) for mode in modes(ears.feed(sender.pack(heartbeat(n))))]
+    assert received[:20] == list(range(2, 22))  # what is left of the forged frame may look like the start of a long one
 
 
 @pytest.mark.parametrize("text", ["", "ab", "zz" * 32, "00" * 33])

@@ -9,7 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from metaros.clock import ManualClock
-from metaros.drivers.mavlink.asking import LONGEST_S, Asking
+from metaros.drivers.mavlink.command_sender import LONGEST_S, CommandSender
 from tests.support.waiting import wait_until
 
 US = (255, 190)
@@ -22,36 +22,36 @@ def ack(result: int, *, command: int = COMMAND, to: tuple[int, int] = US) -> Any
 
 def conversation(
     *answers: list[Any], clock: ManualClock | None = None, answer_s: float = 0.02
-) -> tuple[Asking, list[Any]]:
+) -> tuple[CommandSender, list[Any]]:
     """What the vehicle answers to the first try, the second, …; nothing beyond. And what it was sent."""
     sent: list[Any] = []
 
     def send(message: Any) -> None:
         sent.append(message)
         for answer in answers[len(sent) - 1] if len(sent) <= len(answers) else []:
-            asking.answer(answer, US)
+            commands.answer(answer, US)
 
-    asking = Asking(send, monotonic_s=(clock or ManualClock()).monotonic_s, answer_s=answer_s)
-    return asking, sent
+    commands = CommandSender(send, monotonic_s=(clock or ManualClock()).monotonic_s, answer_s=answer_s)
+    return commands, sent
 
 
 def test_a_lost_command_is_sent_again_and_says_so() -> None:
-    asking, sent = conversation([], [], [ack(0)])
-    assert asking.ask((1, 1), COMMAND, 1.0) == ""
+    commands, sent = conversation([], [], [ack(0)])
+    assert commands.ask((1, 1), COMMAND, 1.0) == ""
     assert [message.confirmation for message in sent] == [0, 1, 2]
     assert {message.param1 for message in sent} == {1.0}
 
 
 def test_no_answer_and_answers_to_others_or_to_something_else_are_none() -> None:
-    asking, sent = conversation([ack(0, command=1)], [ack(0, to=(254, 190))], [ack(0, to=(255, 1))], [ack(0)])
-    assert asking.ask((1, 1), COMMAND) == "no answer to 3 tries"
+    commands, sent = conversation([ack(0, command=1)], [ack(0, to=(254, 190))], [ack(0, to=(255, 1))], [ack(0)])
+    assert commands.ask((1, 1), COMMAND) == "no answer to 3 tries"
     assert len(sent) == 3
-    assert asking.ask((1, 1), COMMAND) == ""
+    assert commands.ask((1, 1), COMMAND) == ""
 
 
 def test_an_answer_to_everybody_is_ours() -> None:
-    asking, _ = conversation([ack(4, to=(0, 0))])
-    assert asking.ask((1, 1), COMMAND) == "the vehicle answers: failed"
+    commands, _ = conversation([ack(4, to=(0, 0))])
+    assert commands.ask((1, 1), COMMAND) == "the vehicle answers: failed"
 
 
 def running(call: Callable[[], str]) -> tuple[threading.Thread, list[str]]:
@@ -62,32 +62,32 @@ def running(call: Callable[[], str]) -> tuple[threading.Thread, list[str]]:
 
 
 def test_in_progress_is_waited_out_and_another_command_is_refused_meanwhile() -> None:
-    asking, sent = conversation([ack(dialect.MAV_RESULT_IN_PROGRESS)])
-    thread, said = running(lambda: asking.ask((1, 1), COMMAND))
+    commands, sent = conversation([ack(dialect.MAV_RESULT_IN_PROGRESS)])
+    thread, said = running(lambda: commands.ask((1, 1), COMMAND))
     wait_until(lambda: sent)
-    assert asking.ask((1, 1), COMMAND) == "another command waits for its answer"
-    asking.answer(ack(dialect.MAV_RESULT_DENIED), US)
+    assert commands.ask((1, 1), COMMAND) == "another command waits for its answer"
+    commands.answer(ack(dialect.MAV_RESULT_DENIED), US)
     thread.join(60)
     assert said == ["the vehicle answers: denied"]
     assert len(sent) == 1
 
 
-def test_in_progress_for_ever_is_told() -> None:
+def test_in_progress_for_ever_is_reported() -> None:
     clock = ManualClock()
-    asking, sent = conversation([ack(dialect.MAV_RESULT_IN_PROGRESS)], clock=clock)
-    thread, said = running(lambda: asking.ask((1, 1), COMMAND))
+    commands, sent = conversation([ack(dialect.MAV_RESULT_IN_PROGRESS)], clock=clock)
+    thread, said = running(lambda: commands.ask((1, 1), COMMAND))
     wait_until(lambda: sent)
     clock.advance(LONGEST_S)
-    wait_until(lambda: said or asking.answer(ack(dialect.MAV_RESULT_IN_PROGRESS), US))
+    wait_until(lambda: said or commands.answer(ack(dialect.MAV_RESULT_IN_PROGRESS), US))
     thread.join(60)
     assert said == ["the vehicle answers: in progress"]
 
 
 def test_a_lost_link_ends_it() -> None:
-    asking, sent = conversation(answer_s=60.0)
-    thread, said = running(lambda: asking.ask((1, 1), COMMAND))
+    commands, sent = conversation(answer_s=60.0)
+    thread, said = running(lambda: commands.ask((1, 1), COMMAND))
     wait_until(lambda: sent)
-    asking.give_up()
+    commands.give_up()
     thread.join(60)
     assert said == ["the link was lost"]
     assert len(sent) == 1

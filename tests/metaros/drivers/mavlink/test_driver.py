@@ -19,10 +19,10 @@ from metaros.interfaces.metaros_msgs.msg import VehicleState
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import BatteryState, Imu, NavSatFix, NavSatStatus
 from metaros.interfaces.std_msgs.msg import Float64
-from tests.support.autopilot import Autopilot, PtyCable, TcpCable, UdpCable
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.autopilot import Autopilot, PtyCable, TcpCable, UdpCable
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.ports import free_port
-from tests.support.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 KEY = bytes(range(32))
@@ -47,12 +47,12 @@ def repeat(
     found.clear()
     fit: list[Any] = []
 
-    def told() -> bool:
+    def reported() -> bool:
         pilot.send(message)
         fit[:] = filter(such, list(found))
         return bool(fit)
 
-    wait_until(told, every_s=0.02)
+    wait_until(reported, every_s=0.02)
     return fit[-1]
 
 
@@ -268,7 +268,7 @@ def test_texts_of_the_vehicle_come_into_the_log(context: metaros.Context) -> Non
     with flying(context) as (driver, pilot):
         lines: list[str] = []
         for level in ("error", "warn", "info"):
-            setattr(driver.node._unit.log, level, lines.append)  # type: ignore[union-attr]
+            setattr(driver.node._context.log, level, lines.append)  # type: ignore[union-attr]
         pilot.send(dialect.MAVLink_statustext_message(2, b"Pre\x1bArm: no compass"))
         pilot.send(dialect.MAVLink_statustext_message(6, b"a" * 50, 9, 0))
         pilot.send(dialect.MAVLink_statustext_message(6, b"b" * 5, 9, 1))

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from metaros.drivers.mavlink import wires
-from metaros.drivers.mavlink.wires import open_wire
+from metaros.drivers.mavlink import transports
+from metaros.drivers.mavlink.transports import open_transport
 from metaros.errors import UnavailableError
 
 
-class FakeUnit:
+class FakeContext:
     """Hands on what is heard, and knows what it was."""
 
     def __init__(self) -> None:
@@ -24,20 +24,20 @@ class FakeUnit:
 
 
 def test_a_quiet_tcp_link_gives_nothing_and_one_that_ends_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wires, "READ_S", 0.0)
-    unit: Any = FakeUnit()
+    monkeypatch.setattr(transports, "READ_S", 0.0)
+    context: Any = FakeContext()
     with socket.create_server(("127.0.0.1", 0)) as server:
-        wire = open_wire(unit, f"tcp:127.0.0.1:{server.getsockname()[1]}", 0)
+        transport = open_transport(context, f"tcp:127.0.0.1:{server.getsockname()[1]}", 0)
         vehicle, _ = server.accept()
     try:
-        assert wire.read() == b""
-        assert unit.all == []
-        monkeypatch.setattr(wires, "READ_S", 60.0)
+        assert transport.read() == b""
+        assert context.all == []
+        monkeypatch.setattr(transports, "READ_S", 60.0)
         vehicle.sendall(b"beat")
-        assert wire.read() == b"beat"
+        assert transport.read() == b"beat"
         vehicle.close()
         with pytest.raises(UnavailableError, match="the other end closed"):
-            wire.read()
-        assert unit.all == [b"beat"]
+            transport.read()
+        assert context.all == [b"beat"]
     finally:
-        wire.close()
+        transport.close()

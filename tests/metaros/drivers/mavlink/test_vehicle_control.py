@@ -18,8 +18,8 @@ from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.metaros_msgs.msg import VehicleState
 from metaros.interfaces.metaros_msgs.srv import SetMode
 from metaros.interfaces.std_srvs.srv import SetBool
-from tests.support.autopilot import Autopilot, UdpCable
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.autopilot import Autopilot, UdpCable
+from tests.support.devices.drivers import RunningDriver, running
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
@@ -83,7 +83,7 @@ def test_arm_and_disarm(context: metaros.Context) -> None:
         assert {(message.target_system, message.target_component) for message in pilot.commands(ARM)} == {(1, 1)}
 
 
-def test_a_refusal_is_told(context: metaros.Context) -> None:
+def test_a_refusal_is_reported(context: metaros.Context) -> None:
     with flying(context) as (driver, pilot):
         pilot.refuses = dialect.MAV_RESULT_DENIED
         answer = arm(driver, on=True)
@@ -94,7 +94,7 @@ def test_a_refusal_is_told(context: metaros.Context) -> None:
 def test_no_answer(context: metaros.Context) -> None:
     with flying(context) as (driver, pilot):
         pilot.deaf_to = 99
-        driver.node._device._pilot.asking._answer_s = 0.05  # type: ignore[union-attr]
+        driver.node._device._control.commands._answer_s = 0.05  # type: ignore[union-attr]
         assert arm(driver, on=True).message == "no answer to 3 tries"
         assert not pilot.armed
 
@@ -122,11 +122,11 @@ def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(context: metar
     with flying(context, {**ALLOWED, "max_horizontal": 2.0}) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
-        def told() -> bool:
+        def reported() -> bool:
             velocities.publish(command(6.0, 8.0, 0.5, 0.25))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.02)
+        wait_until(reported, every_s=0.02)
         message = pilot.of_type(SETPOINT)[0]
         assert (message.vx, message.vy, message.vz) == pytest.approx((1.2, -1.6, -0.5))
         assert (message.yaw_rate, message.coordinate_frame, message.type_mask) == (-0.25, 8, 0x5C7)
@@ -134,7 +134,7 @@ def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(context: metar
         wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
         driver.leap(FAREWELL_S)
         # Silence: ours are still heard (heartbeats), and no setpoint among them.
-        wait_until(lambda: driver.node._device._pilot._gate._until_s == -math.inf)  # type: ignore[union-attr]
+        wait_until(lambda: driver.node._device._control._gate._until_s == -math.inf)  # type: ignore[union-attr]
         for _ in range(2):
             said, beats = len(pilot.of_type(SETPOINT)), len(pilot.of_type("HEARTBEAT"))
             driver.leap(HEARTBEAT_S)
@@ -158,19 +158,19 @@ def test_after_a_lost_link_nothing_moves_until_a_new_command(context: metaros.Co
     with flying(context) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
-        def told() -> bool:
+        def reported() -> bool:
             velocities.publish(command(1.0))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.02)
+        wait_until(reported, every_s=0.02)
         pilot.silent = True
         driver.lose(LOST_S / 2)
         assert not arm(driver, on=True).success
         for _ in range(10):
             velocities.publish(command(1.0))  # while it is away: refused
         wait_until(lambda: int(driver.facts().get("refused_commands", 0)) > 1)
-        pilot.heard_all = False
-        wait_until(lambda: pilot.heard_all)
+        pilot.received_all = False
+        wait_until(lambda: pilot.received_all)
         pilot.received.clear()
         pilot.silent = False
         wait_until(lambda: driver.state() == "working" and pilot.of_type("HEARTBEAT"))
@@ -179,18 +179,18 @@ def test_after_a_lost_link_nothing_moves_until_a_new_command(context: metaros.Co
         wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
         assert (pilot.of_type(SETPOINT), pilot.commands(ARM)) == ([], [])
         assert not pilot.armed
-        wait_until(told, every_s=0.02)
+        wait_until(reported, every_s=0.02)
 
 
 def test_the_driver_s_end_is_a_zero(context: metaros.Context) -> None:
     with flying(context) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
-        def told() -> bool:
+        def reported() -> bool:
             velocities.publish(command(1.0))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.02)
+        wait_until(reported, every_s=0.02)
         driver.node.trigger("deactivate")
         wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from metaros.drivers.microphone.level import SILENCE_DB, LevelMeter
-from tests.support.alsa import tone
+from tests.support.devices.alsa import tone
 
 
 def level(samples: np.ndarray) -> float:
     meter = LevelMeter()
-    told = [meter.add(samples[at : at + 320]) for at in range(0, 3200, 320)]
-    assert told[:-1] == [None] * 9
-    assert told[-1] is not None
-    return told[-1]
+    reported = [meter.add(samples[at : at + 320]) for at in range(0, 3200, 320)]
+    assert reported[:-1] == [None] * 9
+    assert reported[-1] is not None
+    return reported[-1]
 
 
 def test_levels() -> None:

@@ -14,10 +14,10 @@ import pytest
 
 import metaros
 from metaros.interfaces.std_msgs.msg import Bool, Float64
-from tests.support.drivers import RunningDriver, running
-from tests.support.modbus_device import ModbusDevice, PtyBridge
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.modbus_device import ModbusDevice, PtyBridge
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.ports import free_port
-from tests.support.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 MAP = """
@@ -115,10 +115,10 @@ def test_points_are_published_and_written(
     with ModbusDevice(where, holding=HOLDING) as device, reading(context, tmp_path, link) as driver:
         temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
         powers = driver.messages(Float64, "modbus/power", metaros.qos_default)
-        doors = driver.messages(Bool, "modbus/door", metaros.qos_default)
+        authenticators = driver.messages(Bool, "modbus/door", metaros.qos_default)
         setpoints = driver.messages(Float64, "modbus/setpoint", metaros.qos_default)
-        wait_until(lambda: temperatures and powers and doors and setpoints)
-        assert (temperatures[-1].data, powers[-1].data, doors[-1].data) == (pytest.approx(21.5), 65538, True)
+        wait_until(lambda: temperatures and powers and authenticators and setpoints)
+        assert (temperatures[-1].data, powers[-1].data, authenticators[-1].data) == (pytest.approx(21.5), 65538, True)
         assert {address for function, address, size in device.requests if function == 4} == {0}  # together
 
         sets = driver.viewer.create_publisher(Float64, "/r1/modbus/setpoint/set", metaros.qos_command)
@@ -181,9 +181,9 @@ def test_a_slow_device_is_asked_one_thing_at_a_time(context: metaros.Context, tm
         device.delay_s = 0.03  # of five requests every 50 ms
         with reading(context, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
             temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
-            doors = driver.messages(Bool, "modbus/door", metaros.qos_default)
-            wait_until(lambda: len(temperatures) > 3 and len(doors) > 3)
-            assert abs(len(temperatures) - len(doors)) <= 2  # each has its turn
+            authenticators = driver.messages(Bool, "modbus/door", metaros.qos_default)
+            wait_until(lambda: len(temperatures) > 3 and len(authenticators) > 3)
+            assert abs(len(temperatures) - len(authenticators)) <= 2  # each has its turn
             assert driver.state() == "working"
 
 

@@ -13,9 +13,9 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from metaros.drivers.modbus.link import read_link
-from metaros.drivers.modbus.orders import AGAIN_S, Orders
-from metaros.drivers.modbus.plan import Plan
+from metaros.drivers.modbus.pending_writes import AGAIN_S, PendingWrites
 from metaros.drivers.modbus.points import Point, read_map
+from metaros.drivers.modbus.polling_plan import PollingPlan
 from metaros.drivers.modbus.protocol import RefusedError, Request, find_rtu, read_request, rtu_frame, write_request
 from metaros.errors import ConfigError
 
@@ -153,13 +153,13 @@ def test_neighbours_are_read_together() -> None:
         point("coil", 0, table="coil", type="bool"),
         *(point(f"far{n}", 200 + n) for n in range(130)),
     ]
-    groups = [[one.name for one in group.points] for group in Plan(points).groups]
+    groups = [[one.name for one in group.points] for group in PollingPlan(points).groups]
     assert ["a", "b"] in groups
     assert sorted(len(group) for group in groups) == [1, 1, 1, 2, 5, 125]
 
 
 def test_what_was_missed_is_not_made_up_for() -> None:
-    plan = Plan([point(period_s=1.0)])
+    plan = PollingPlan([point(period_s=1.0)])
     assert len(list(plan.due(0.0))) == 1
     assert list(plan.due(0.9)) == []
     assert len(list(plan.due(60.0))) == 1
@@ -168,7 +168,7 @@ def test_what_was_missed_is_not_made_up_for() -> None:
 
 
 def test_orders_newest_wins_and_watchdog() -> None:
-    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
+    orders = PendingWrites([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
     assert orders.give("m", 3, 0.0)
     assert orders.give("m", 5, 0.1)
     assert not orders.give("m", 10, 0.1)
@@ -183,7 +183,7 @@ def test_orders_newest_wins_and_watchdog() -> None:
 
 
 def test_a_safe_value_is_written_again_until_it_is() -> None:
-    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
+    orders = PendingWrites([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
     orders.give("m", 5, 0.0)
     assert len(orders.take(0.0)) == 1
     (first,) = orders.take(1.0)
@@ -196,7 +196,7 @@ def test_a_safe_value_is_written_again_until_it_is() -> None:
 
 
 def test_what_was_not_made_safe_at_the_end_is_so_later() -> None:
-    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0)])
+    orders = PendingWrites([point("m", writable=True, min=0, max=9, safe=0.0)])
     orders.give("m", 5, 0.0)
     ((one, safe),) = orders.end()
     assert orders.end() == []

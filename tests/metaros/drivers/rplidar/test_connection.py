@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from metaros.clock import ManualClock
-from metaros.drivers.rplidar.conversation import ANSWER_S, Conversation
+from metaros.drivers.rplidar.connection import ANSWER_S, RplidarConnection
 from metaros.errors import UnavailableError
-from tests.support.rplidar_emulator import RplidarEmulator
+from tests.support.devices.rplidar_emulator import RplidarEmulator
 
 
-class FakeUnit:
+class FakeContext:
     """Counts, and lets time pass that it is asked to wait for."""
 
     def __init__(self) -> None:
@@ -55,42 +55,42 @@ class FakePort:
 
 @pytest.mark.parametrize("heals", [True, False])
 def test_one_in_error_is_reset_once_and_no_more(heals: bool) -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort(unit.clock)
+    context: Any = FakeContext()
+    port: Any = FakePort(context.clock)
     port.lidar.status, port.lidar.heals = 2, heals
-    talk = Conversation(unit, port)
+    connection = RplidarConnection(context, port)
     if heals:
-        assert talk.check_health().word == "good"
+        assert connection.check_health().word == "good"
     else:
         with pytest.raises(UnavailableError, match=r"/dev/fake: its health is bad \(code 32769\), also after a reset"):
-            talk.check_health()
-    assert unit.counts == {"resets": 1}
+            connection.check_health()
+    assert context.counts == {"resets": 1}
     assert port.lidar.commands.count(0x40) == 1
-    assert unit.warnings == ["its health is bad (code 32769): reset"]
+    assert context.warnings == ["its health is bad (code 32769): reset"]
 
 
 @pytest.mark.parametrize("sizes", [[0], [7, 10]], ids=["all of it", "its end"])
 def test_an_answer_that_is_there_after_its_time_is_read(sizes: list[int]) -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort(unit.clock, reading_s=2 * ANSWER_S)
+    context: Any = FakeContext()
+    port: Any = FakePort(context.clock, reading_s=2 * ANSWER_S)
     port.sizes = sizes
-    assert Conversation(unit, port).info().firmware == (1, 29)
+    assert RplidarConnection(context, port).info().firmware == (1, 29)
     assert port.lidar.commands == [0x50]
 
 
 def test_who_does_not_answer_is_asked_again() -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort(unit.clock, reading_s=ANSWER_S / 4)
+    context: Any = FakeContext()
+    port: Any = FakePort(context.clock, reading_s=ANSWER_S / 4)
     port.lidar.mute, port.lidar.wrong_answers = 2, True
-    assert Conversation(unit, port).info().firmware == (1, 29)
+    assert RplidarConnection(context, port).info().firmware == (1, 29)
     assert port.lidar.commands.count(0x50) == 3
-    assert unit.counts == {"asked_again": 2, "wrong_answers": 1}
+    assert context.counts == {"asked_again": 2, "wrong_answers": 1}
 
 
 def test_one_who_talks_on_but_never_answers_is_asked_three_times() -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort(unit.clock, reading_s=ANSWER_S / 4)
+    context: Any = FakeContext()
+    port: Any = FakePort(context.clock, reading_s=ANSWER_S / 4)
     port.chatter = b"$GPGGA,,,,*66\r\n"
     with pytest.raises(UnavailableError, match=r"no RPLIDAR answers here \(asked 3 times who it is\)"):
-        Conversation(unit, port).info()
+        RplidarConnection(context, port).info()
     assert port.lidar.commands.count(0x50) == 3

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import metaros
-from metaros.drivers.rplidar import conversation
-from metaros.drivers.rplidar.conversation import ANSWER_S
+from metaros.drivers.rplidar import connection
+from metaros.drivers.rplidar.connection import ANSWER_S
 from metaros.drivers.rplidar.driver import SILENT_S
 from metaros.interfaces.sensor_msgs.msg import LaserScan
-from tests.support.drivers import RunningDriver, running
-from tests.support.pty_device import PtyDevice
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
-from tests.support.rplidar_emulator import RplidarEmulator
-from tests.support.serial_peer import answering
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.pty_device import PtyDevice
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.devices.rplidar_emulator import RplidarEmulator
+from tests.support.devices.serial_peer import answering
 from tests.support.waiting import wait_until
 
 
@@ -58,7 +58,7 @@ def seen(scans: list[LaserScan], more: int = 2) -> LaserScan:
     return scans[-1]
 
 
-def told(driver: RunningDriver, **wanted: Any) -> None:
+def reported(driver: RunningDriver, **wanted: Any) -> None:
     """Wait until the diagnostics have these values."""
     wait_until(lambda: wanted.items() <= driver.facts().items())
 
@@ -87,8 +87,8 @@ def test_scans_of_a_room(device: PtyDevice, context: metaros.Context, mode: str,
             if mode == "auto" and not express:
                 unanswered(driver, lambda: 0x82 in lidar.commands, lambda: 0x20 in lidar.commands)
             assert_room(seen(scans))
-            told(driver, mode=found, firmware="1.29", health="good", state="working")
-            assert "RPLIDAR A1" in driver.status().message or "RPLIDAR A1" in driver.node.standing.detail
+            reported(driver, mode=found, firmware="1.29", health="good", state="working")
+            assert "RPLIDAR A1" in driver.status().message or "RPLIDAR A1" in driver.node.status.detail
             assert driver.status().hardware_id == bytes(range(16)).hex().upper()
         wait_until(lambda: lidar.scanning is None)  # it is told to stop
 
@@ -102,7 +102,7 @@ def test_an_old_firmware_is_not_asked_for_express_scans(device: PtyDevice, conte
     assert 0x82 not in lidar.commands
 
 
-def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, context: metaros.Context) -> None:
+def test_an_a2_is_reported_how_fast_to_turn(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write, model=0x28)
     with answering(device, lidar.heard, lambda: scanning(lidar)):
         with running("rplidar", {"port": device.path}, context=context) as driver:
@@ -112,7 +112,7 @@ def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, context: metaros.Cont
 
 @pytest.fixture
 def soon_rebooted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(conversation, "REBOOT_S", 0.05)
+    monkeypatch.setattr(connection, "REBOOT_S", 0.05)
 
 
 @pytest.mark.usefixtures("soon_rebooted")
@@ -122,7 +122,7 @@ def test_bad_health_is_reset(device: PtyDevice, context: metaros.Context) -> Non
     with answering(device, lidar.heard, lambda: scanning(lidar)):
         with running("rplidar", {"port": device.path}, context=context) as driver:
             assert_room(seen(driver.messages(LaserScan, "scan")))
-            told(driver, resets="1", health="good")
+            reported(driver, resets="1", health="good")
     assert 0x40 in lidar.commands
 
 
@@ -138,12 +138,12 @@ def test_bad_health_that_stays_is_said_and_tried_again(device: PtyDevice, contex
             assert_room(seen(scans))
 
 
-def test_a_warning_is_told(device: PtyDevice, context: metaros.Context) -> None:
+def test_a_warning_is_reported(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status = 1
     with answering(device, lidar.heard, lambda: scanning(lidar)):
         with running("rplidar", {"port": device.path}, context=context) as driver:
-            told(driver, health="warning")
+            reported(driver, health="warning")
             wait_until(lambda: "health: warning" in driver.status().message)
 
 
@@ -163,11 +163,11 @@ def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, co
 
 
 def test_a_device_that_is_none_is_said(device: PtyDevice, context: metaros.Context) -> None:
-    heard = bytearray()
-    with answering(device, heard.extend, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
+    received = bytearray()
+    with answering(device, received.extend, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
         with running("rplidar", {"port": device.path}, context=context) as driver:
-            unanswered(driver, lambda: bool(heard), lambda: "no RPLIDAR answers here" in driver.status().message)
-        wait_until(lambda: heard.count(b"\xa5\x50") >= 3)
+            unanswered(driver, lambda: bool(received), lambda: "no RPLIDAR answers here" in driver.status().message)
+        wait_until(lambda: received.count(b"\xa5\x50") >= 3)
 
 
 @pytest.mark.parametrize("express", [True, False])
@@ -200,10 +200,10 @@ def test_unplugged_and_plugged_in_again(device: PtyDevice, context: metaros.Cont
             seen(scans)
             device.unplug()
             lidar.scanning = None
-            told(driver, state="waiting")
+            reported(driver, state="waiting")
             device.replug()
             assert_room(seen(scans))
-            told(driver, state="working")
+            reported(driver, state="working")
 
 
 def test_one_that_falls_silent_is_asked_anew(device: PtyDevice, context: metaros.Context) -> None:

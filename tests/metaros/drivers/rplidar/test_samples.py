@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.rplidar.samples import CAPSULE_BYTES, TRUST, CapsuleStream, NodeStream, Sample
-from tests.support.rplidar_emulator import capsule, node
+from tests.support.devices.rplidar_emulator import capsule, node
 
 
 def nodes(count: int, begin: int = 0) -> bytes:

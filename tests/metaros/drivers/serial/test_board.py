@@ -16,9 +16,9 @@ from metaros.drivers.serial.c_header import render_header
 from metaros.drivers.serial.framing import FrameSplitter, encode_frame
 from metaros.drivers.serial.protocol import Answer, FromBoard, ToBoard
 from metaros.interfaces.std_msgs.msg import Bool, Float64, String
-from tests.support.c_compiler import SANITIZERS, WARNINGS, compile_c
-from tests.support.drivers import running
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.drivers import running
+from tests.support.devices.pty_device import PtyDevice
+from tests.support.processes.c_compiler import SANITIZERS, WARNINGS, compile_c
 from tests.support.waiting import wait_until
 
 PAGE = (Path(__file__).resolve().parents[4] / "docs" / "reference" / "serial_boards.md").read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ from metaros.idl import default_catalogue, message_class, type_hash
 from metaros.interfaces.sensor_msgs.msg import BatteryState
 from metaros.wire.attachment import pack_attachment
 from metaros.wire.keys import DataKey
-from tests.support.c_compiler import SANITIZERS, WARNINGS, compile_c
+from tests.support.processes.c_compiler import SANITIZERS, WARNINGS, compile_c
 
 TYPES = (
     "builtin_interfaces/msg/Time",
@@ -230,8 +230,8 @@ def test_the_receiver_hears_what_we_send_between_garbage(tmp_path: Path) -> None
     ]
     line = b"".join(rng.randbytes(rng.randrange(600)).replace(b"\0", b"x") + b"\0" + encode_frame(*f) for f in frames)
     done = subprocess.run([program], input=line + rng.randbytes(1 << 20), capture_output=True, timeout=120, check=True)
-    heard = [row.split(" ") for row in done.stdout.decode().splitlines()]
-    assert [(int(kind), int(channel), bytes.fromhex(data)) for kind, channel, data in heard][: len(frames)] == frames
+    received = [row.split(" ") for row in done.stdout.decode().splitlines()]
+    assert [(int(kind), int(channel), bytes.fromhex(data)) for kind, channel, data in received][: len(frames)] == frames
 
 
 def test_what_c_cannot_have_is_refused() -> None:

@@ -33,8 +33,8 @@ def test_a_frame_is_as_documented() -> None:
 def test_frames_come_back_however_they_are_cut(frames: list[tuple[int, int, bytes]], step: int) -> None:
     split, counts = splitter()
     line = b"".join(encode_frame(*frame) for frame in frames)
-    heard = [frame for at in range(0, len(line), step) for frame in split.feed(line[at : at + step])]
-    assert heard == [Frame(*frame) for frame in frames]
+    received = [frame for at in range(0, len(line), step) for frame in split.feed(line[at : at + step])]
+    assert received == [Frame(*frame) for frame in frames]
     assert not counts
 
 
@@ -58,7 +58,7 @@ def test_a_megabyte_of_garbage_is_counted_and_bounded() -> None:
     assert list(split.feed(encode_frame(1, 0, b"x"))) == [Frame(1, 0, b"x")]
 
 
-def test_wrong_bits_are_told_by_the_checksum() -> None:
+def test_wrong_bits_are_reported_by_the_checksum() -> None:
     split, counts = splitter()
     body = bytes((3, 1)) + b"payload"
     wrong = cobs.encode(body + (binascii.crc_hqx(body, 0xFFFF) ^ 1).to_bytes(2, "little")) + b"\0"

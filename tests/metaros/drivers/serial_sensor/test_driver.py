@@ -10,8 +10,8 @@ import pytest
 import metaros
 from metaros.clock import system_rng
 from metaros.interfaces.std_msgs.msg import Float64
-from tests.support.drivers import RunningDriver, running
-from tests.support.pty_device import PtyDevice
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
 
@@ -21,7 +21,7 @@ def device(tmp_path: Path) -> Iterator[PtyDevice]:
         yield made
 
 
-def heard(driver: RunningDriver, device: PtyDevice, values: list[Float64], line: bytes) -> Float64:
+def received(driver: RunningDriver, device: PtyDevice, values: list[Float64], line: bytes) -> Float64:
     """The value that the line brings, sent until one comes: what is sent before the port is open is lost."""
     before = len(values)
 
@@ -38,17 +38,17 @@ def test_values_come_again_after_garbage_and_unplugging(device: PtyDevice, conte
     with running("serial_sensor", parameters, context=context) as driver:
         warm, humid = driver.messages(Float64, "weather/t"), driver.messages(Float64, "weather/air/h")
         line = b'{"t": 21.5, "air": {"h": 40}}\r\n'
-        assert heard(driver, device, warm, line).data == 21.5
+        assert received(driver, device, warm, line).data == 21.5
         wait_until(lambda: bool(humid) and humid[-1].data == 40.0)
 
         device.write(system_rng().randbytes(50_000) + b"\n[]\n")
-        assert heard(driver, device, warm, b'\n{"t": -1}\n').data in (21.5, -1.0)
+        assert received(driver, device, warm, b'\n{"t": -1}\n').data in (21.5, -1.0)
         wait_until(lambda: int(driver.facts().get("bad_lines", 0)) > 0 and "missing_fields" in driver.facts())
 
         device.unplug()
         wait_until(lambda: driver.state() in ("waiting", "opening"))
         count = len(warm)
         device.replug()
-        assert heard(driver, device, warm, b'{"t": 3}\n').data == 3.0
+        assert received(driver, device, warm, b'{"t": 3}\n').data == 3.0
         assert len(warm) > count
         wait_until(lambda: driver.state() == "working")

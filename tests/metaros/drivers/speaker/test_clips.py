@@ -10,7 +10,7 @@ import pytest
 
 from metaros.drivers.speaker.clips import MAX_TEXT_CHARS, check_voice, load, named, spoken
 from metaros.errors import ConfigError, DecodeError
-from tests.support.alsa import strongest_hz, tone
+from tests.support.devices.alsa import strongest_hz, tone
 
 
 def write_wav(path: Path, rate: int = 22050, *, width: int = 2, channels: int = 1) -> Path:

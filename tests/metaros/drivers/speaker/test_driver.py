@@ -16,8 +16,8 @@ from metaros.interfaces.foxglove_msgs.msg import RawAudio
 from metaros.interfaces.metaros_msgs.msg import AudioPacket
 from metaros.interfaces.std_msgs.msg import String
 from tests.metaros.drivers.speaker.test_clips import write_wav
-from tests.support.alsa import SPEAKER, Alsa, strongest_hz, tone
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.alsa import SPEAKER, Alsa, strongest_hz, tone
+from tests.support.devices.drivers import RunningDriver, running
 from tests.support.waiting import wait_until
 
 RATE = 16000
@@ -65,12 +65,12 @@ def test_opus_at_another_rate_is_the_same_tone(speaker: RunningDriver, alsa: Als
 
     def enough() -> bool:
         nonlocal at
-        heard_s = np.count_nonzero(alsa.played()) / RATE
-        while at / 48000 < heard_s + 0.2:
+        received_s = np.count_nonzero(alsa.played()) / RATE
+        while at / 48000 < received_s + 0.2:
             for data in encoder.encode(said[at : at + 960, None]):
                 talk.publish(AudioPacket(codec="opus", sample_rate=48000, channels=1, samples=960, data=data))
             at += 960
-        return heard_s > 1.0
+        return received_s > 1.0
 
     wait_until(enough)
     hz, _share = strongest_hz(alsa.played(), RATE)

@@ -13,7 +13,7 @@ def sound(value: float, samples: int = PIECE) -> np.ndarray:
     return np.full(samples, value, np.float32)
 
 
-def heard(mixer: Mixer) -> set[float]:
+def playing(mixer: Mixer) -> set[float]:
     return set(np.unique(mixer.take(PIECE)).tolist())
 
 
@@ -40,26 +40,26 @@ def test_what_is_too_old_is_skipped() -> None:
 def test_talk_before_streams_before_clips() -> None:
     mixer = Mixer(RATE)
     assert mixer.clip(sound(0.1, 500))
-    assert heard(mixer) == {np.float32(0.1)}
+    assert playing(mixer) == {np.float32(0.1)}
     mixer.stream(sound(0.2, 100))
-    assert (heard(mixer), mixer.heard) == ({np.float32(0.2)}, "stream")
+    assert (playing(mixer), mixer.playing) == ({np.float32(0.2)}, "stream")
     mixer.talk(sound(0.3, 100))
-    assert (heard(mixer), mixer.heard) == ({np.float32(0.3)}, "talk")
+    assert (playing(mixer), mixer.playing) == ({np.float32(0.3)}, "talk")
     mixer.talk_ends()
-    assert heard(mixer) == {np.float32(0.2)}  # the stream went on meanwhile
+    assert playing(mixer) == {np.float32(0.2)}  # the stream went on meanwhile
     for _ in range(5):
         mixer.take(PIECE)
-    assert (heard(mixer), mixer.heard) == ({0.0}, "nothing")  # and the clip was interrupted
+    assert (playing(mixer), mixer.playing) == ({0.0}, "nothing")  # and the clip was interrupted
     assert mixer.counters["clips_interrupted"] == 1
 
 
 def test_clips_wait_for_each_other_and_are_bounded() -> None:
     mixer = Mixer(RATE)
     assert [mixer.clip(sound(0.1 * (number + 1))) for number in range(CLIPS + 1)] == [True] * CLIPS + [False]
-    assert heard(mixer) == {np.float32(0.1)}
-    assert heard(mixer) == {np.float32(0.2)}
+    assert playing(mixer) == {np.float32(0.1)}
+    assert playing(mixer) == {np.float32(0.2)}
     mixer.no_clips()
-    assert heard(mixer) == {0.0}
+    assert playing(mixer) == {0.0}
     assert mixer.counters["clips_refused"] == 1
 
 
@@ -69,4 +69,4 @@ def test_nothing_of_before_is_played_after_an_absence() -> None:
     mixer.stream(sound(1, 100))
     mixer.clip(sound(1, 100))
     mixer.silence()
-    assert heard(mixer) == {0.0}
+    assert playing(mixer) == {0.0}

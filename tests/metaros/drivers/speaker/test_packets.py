@@ -8,7 +8,7 @@ import pytest
 from metaros.drivers.opus import OPUS_RATES, OpusDecoder, OpusEncoder
 from metaros.drivers.speaker.packets import MAX_PCM_BYTES, PacketReader
 from metaros.errors import ConfigError, DecodeError
-from tests.support.alsa import strongest_hz, tone
+from tests.support.devices.alsa import strongest_hz, tone
 
 
 def int16(floats: np.ndarray) -> np.ndarray:
@@ -22,17 +22,17 @@ def test_opus_there_and_back(rate: int, channels: int) -> None:
     said = np.repeat(tone(880, 1.5, rate)[:, None], channels, axis=1)
     frames = rate // 50
     packets = [data for at in range(0, len(said), frames) for data in encoder.encode(said[at : at + frames])]
-    heard = np.concatenate([reader.read("opus", data, rate=rate, channels=channels) for data in packets])
-    hz, share = strongest_hz(int16(heard), 16000)
+    received = np.concatenate([reader.read("opus", data, rate=rate, channels=channels) for data in packets])
+    hz, share = strongest_hz(int16(received), 16000)
     assert abs(hz - 880) < 5
     assert share > 0.9
 
 
 def test_pcm_of_two_channels_is_mixed_and_brought_to_the_rate() -> None:
     both = np.stack((tone(880, 1, 24000), np.zeros(24000, np.int16)), axis=1)
-    heard = PacketReader(48000).read("pcm-s16", both.tobytes(), rate=24000, channels=2)
-    assert strongest_hz(int16(heard), 48000)[0] == pytest.approx(880, abs=2)
-    assert np.abs(heard).max() == pytest.approx(0.25, abs=0.01)
+    received = PacketReader(48000).read("pcm-s16", both.tobytes(), rate=24000, channels=2)
+    assert strongest_hz(int16(received), 48000)[0] == pytest.approx(880, abs=2)
+    assert np.abs(received).max() == pytest.approx(0.25, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -66,9 +66,9 @@ def test_a_megabyte_of_noise_as_opus() -> None:
         data = noise.bytes(int(noise.integers(1, 4096)))
         left -= len(data)
         try:
-            heard = reader.read("opus", data, rate=48000, channels=1)
-            assert len(heard) <= 48000 * 0.12  # the longest packet there is
-            assert np.isfinite(heard).all()
+            received = reader.read("opus", data, rate=48000, channels=1)
+            assert len(received) <= 48000 * 0.12  # the longest packet there is
+            assert np.isfinite(received).all()
         except DecodeError:
             refused += 1
     assert refused > 10

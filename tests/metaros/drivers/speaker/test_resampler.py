@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from metaros.drivers.speaker.resampler import Resampler
-from tests.support.alsa import strongest_hz, tone
+from tests.support.devices.alsa import strongest_hz, tone
 
 
 def converted(samples: np.ndarray, rate_in: int, rate_out: int, piece: int) -> np.ndarray:

@@ -19,10 +19,10 @@ from metaros.errors import ConfigError
 from metaros.interfaces.metaros_msgs.msg import QuantizedCloud
 from metaros.interfaces.sensor_msgs.msg import PointCloud2
 from metaros.wire import qos_reliable_all
-from tests.support.drivers import RunningDriver, running
+from tests.support.devices.drivers import RunningDriver, running
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.devices.vlp16_emulator import FLOOR_M, Vlp16Emulator, position_packet
 from tests.support.ports import free_port
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
-from tests.support.vlp16_emulator import FLOOR_M, Vlp16Emulator, position_packet
 from tests.support.waiting import wait_until
 
 Send = Callable[[bytes], Any]
@@ -33,8 +33,8 @@ def lidar_and(context: metaros.Context, **parameters: Any) -> Iterator[tuple[Run
     """A driver that listens, and how to send it a packet."""
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with wire, running("vlp16", {"port": 0, **parameters}, context=context) as driver:
-        wait_until(lambda: "udp_port" in driver.node.standing.facts)
-        port = int(driver.node.standing.facts["udp_port"])
+        wait_until(lambda: "udp_port" in driver.node.status.facts)
+        port = int(driver.node.status.facts["udp_port"])
         yield driver, lambda data: wire.sendto(data, ("127.0.0.1", port))
 
 
@@ -122,7 +122,7 @@ def test_all_turns_come_in_order_with_delivery_all(context: metaros.Context) -> 
         emulator = Vlp16Emulator()
         with turning(emulator, send, pause_s=0.005):
             seen(clouds, 6)
-        counters = driver.node.standing.counters
+        counters = driver.node.status.counters
         assert counters["dropped_turns"] == 0
         stamps = [one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in clouds]
         assert stamps == sorted(stamps)
@@ -130,13 +130,13 @@ def test_all_turns_come_in_order_with_delivery_all(context: metaros.Context) -> 
 
 
 def test_with_delivery_latest_a_slow_reader_gets_the_newest() -> None:
-    unit = _QuietUnit()
-    receiver = Receiver(unit, bind="127.0.0.1", port=0, position_port=0, device="", newest_only=True)  # type: ignore[arg-type]
+    context = _QuietContext()
+    receiver = Receiver(context, bind="127.0.0.1", port=0, position_port=0, device="", newest_only=True)  # type: ignore[arg-type]
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
             emulator = Vlp16Emulator()
             with turning(emulator, lambda data: wire.sendto(data, ("127.0.0.1", receiver.port))):
-                wait_until(lambda: unit.counters.get("skipped_turns", 0) >= 3)
+                wait_until(lambda: context.counters.get("skipped_turns", 0) >= 3)
         newest = receiver.take(1.0)
         assert newest is not None
         assert receiver.take(0.0) is None
@@ -144,7 +144,7 @@ def test_with_delivery_latest_a_slow_reader_gets_the_newest() -> None:
         receiver.close()
 
 
-class _QuietUnit:
+class _QuietContext:
     """The part of a unit that a receiver needs."""
 
     def __init__(self) -> None:
@@ -177,7 +177,7 @@ def test_garbage_and_losses_are_counted(context: metaros.Context) -> None:
             emulator.packet()
         with turning(emulator, send):
             assert_room(points_to_numpy(seen(clouds)))
-        counters = driver.node.standing.counters
+        counters = driver.node.status.counters
         assert counters["wrong_size"] == 7
         assert counters["wrong_magic"] == 2
         assert counters["wrong_product"] == 1
@@ -192,18 +192,18 @@ def test_a_megabyte_of_noise_then_a_room(context: metaros.Context) -> None:
             send(noise[at : at + 1206])
         with turning(Vlp16Emulator(), send):
             assert_room(points_to_numpy(seen(clouds)))
-        assert driver.node.standing.counters["wrong_magic"] > 100
+        assert driver.node.status.counters["wrong_magic"] > 100
 
 
 def test_packets_of_others_do_not_count(context: metaros.Context) -> None:
     with lidar_and(context, device="192.0.2.7") as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         with turning(Vlp16Emulator(), send):
-            wait_until(lambda: driver.node.standing.counters["foreign_packets"] > 100)
+            wait_until(lambda: driver.node.status.counters["foreign_packets"] > 100)
         assert clouds == []
 
 
-def test_gps_and_pps_are_told(context: metaros.Context) -> None:
+def test_gps_and_pps_are_reported(context: metaros.Context) -> None:
     port = free_port()
     with lidar_and(context, position_port=port) as (driver, _), socket.socket(type=socket.SOCK_DGRAM) as wire:
         wire.sendto(position_packet(5, 2), ("127.0.0.1", port))
@@ -231,7 +231,7 @@ def test_a_port_that_is_taken_is_waited_for(context: metaros.Context) -> None:
         with running("vlp16", {"port": port}, context=context) as driver:
             wait_until(lambda: driver.state() == "waiting")
             taken.close()
-            wait_until(lambda: driver.node.standing.detail.startswith("listening"))
+            wait_until(lambda: driver.node.status.detail.startswith("listening"))
 
 
 @pytest.mark.parametrize(

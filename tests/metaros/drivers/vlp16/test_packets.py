@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 
 from metaros.drivers.vlp16.packets import DUAL, ELEVATIONS_DEG, POINT_DTYPE, packet_problem
 from metaros.drivers.vlp16.position import parse_position
-from metaros.drivers.vlp16.turns import MAX_PACKETS, RawTurn, TurnCutter, decode
-from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
-from tests.support.vlp16_emulator import FLOOR_M, Vlp16Emulator, position_packet
+from metaros.drivers.vlp16.revolutions import MAX_PACKETS, RawRevolution, RevolutionSplitter, decode
+from tests.support.devices.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.devices.vlp16_emulator import FLOOR_M, Vlp16Emulator, position_packet
 
 SECOND = 1_000_000_000
 
 
-def cut(packets: list[bytes], cutter: TurnCutter | None = None) -> list[RawTurn]:
+def cut(packets: list[bytes], cutter: RevolutionSplitter | None = None) -> list[RawRevolution]:
     """The turns of packets that arrive by their own clock, 100 µs late."""
-    cutter = cutter or TurnCutter()
+    cutter = cutter or RevolutionSplitter()
     found = []
     for data in packets:
         (us,) = struct.unpack_from("<I", data, 1200)
@@ -52,7 +52,7 @@ def by_the_manual(data: bytes) -> list[tuple[float, float, float, int, float]]:
 
 def test_points_are_where_a_loop_by_the_manual_has_them() -> None:
     data = Vlp16Emulator(azimuth_deg=100).packet()
-    points = decode(RawTurn(packets=data, us=(0,), first=0, last=12, stamp_ns=0, mode=0x37))
+    points = decode(RawRevolution(packets=data, us=(0,), first=0, last=12, stamp_ns=0, mode=0x37))
     expected = by_the_manual(data)
     assert len(points) == len(expected) == 384
     for point, (x, y, z, laser, us) in zip(points, expected, strict=True):
@@ -95,7 +95,7 @@ def test_the_stamp_is_of_the_first_firing() -> None:
 
 
 def test_a_late_packet_does_not_move_the_stamps() -> None:
-    cutter, found = TurnCutter(), []
+    cutter, found = RevolutionSplitter(), []
     for number, data in enumerate(Vlp16Emulator().turns(3.6)):
         (us,) = struct.unpack_from("<I", data, 1200)
         late = 5_000_000 if number % 3 else 0
@@ -116,14 +116,14 @@ def test_dual_returns_are_both_there_once() -> None:
 def test_rays_without_a_return_are_left_out() -> None:
     data = bytearray(Vlp16Emulator().packet())
     data[4:7] = bytes(3)
-    turn = RawTurn(packets=bytes(data), us=(0,), first=0, last=12, stamp_ns=0, mode=0x38)
+    turn = RawRevolution(packets=bytes(data), us=(0,), first=0, last=12, stamp_ns=0, mode=0x38)
     assert len(decode(turn)) == 383
     assert decode(turn).dtype == POINT_DTYPE
 
 
 def test_lost_packets_are_counted_by_the_clock_and_leave_their_time_out() -> None:
     packets = list(Vlp16Emulator().turns(2.6))
-    cutter = TurnCutter()
+    cutter = RevolutionSplitter()
     del packets[60:65], packets[80]
     (turn, *_) = cut(packets, cutter)
     assert cutter.counters == {"lost_packets": 6}
@@ -133,7 +133,7 @@ def test_lost_packets_are_counted_by_the_clock_and_leave_their_time_out() -> Non
 
 
 def test_the_clock_that_jumps_begins_a_new_turn() -> None:
-    emulator, cutter = Vlp16Emulator(), TurnCutter()
+    emulator, cutter = Vlp16Emulator(), RevolutionSplitter()
     cut(list(emulator.turns(0.9)), cutter)
     emulator.us += 5_000_000
     assert cut(list(emulator.turns(0.5)), cutter) == []
@@ -157,13 +157,13 @@ def test_the_clock_that_jumps_begins_a_new_turn() -> None:
 def test_what_is_no_packet_is_counted(change: object, problem: str) -> None:
     data = Vlp16Emulator().packet()
     assert packet_problem(data) == ""
-    cutter = TurnCutter()
+    cutter = RevolutionSplitter()
     assert cutter.add(change(data), 0) is None  # type: ignore[operator]
     assert cutter.counters == {problem: 1}
 
 
 def test_an_azimuth_that_stands_still_does_not_fill_the_memory() -> None:
-    cutter, emulator = TurnCutter(), Vlp16Emulator()
+    cutter, emulator = RevolutionSplitter(), Vlp16Emulator()
     for _ in range(2 * MAX_PACKETS + 10):
         emulator.azimuth_deg = 10
         assert cutter.add(emulator.packet(), 0) is None
@@ -174,7 +174,7 @@ def test_an_azimuth_that_stands_still_does_not_fill_the_memory() -> None:
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.binary(min_size=50, max_size=50), min_size=12, max_size=60), st.integers(0, 2**32 - 1))
 def test_any_packets_of_the_right_form_are_decoded_or_not_yet(blocks: list[bytes], us: int) -> None:
-    cutter = TurnCutter()
+    cutter = RevolutionSplitter()
     for at in range(0, len(blocks) - 11, 12):
         body = b"".join(b"\xff\xee" + (block * 2)[:98] for block in blocks[at : at + 12])
         data = body + struct.pack("<IBB", us, (0x37, 0x38, DUAL)[us % 3], 0x22)

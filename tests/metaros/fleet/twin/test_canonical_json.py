@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from metaros.twin import MAX_BYTES, MAX_DEPTH, TwinError, canonical, digest, read, same
-from tests.metaros.twin.documents import DOCUMENTS, FEW, VALUES
+from metaros.fleet.twin import MAX_BYTES, MAX_DEPTH, TwinError, canonical, digest, read, same
+from tests.metaros.fleet.twin.documents import DOCUMENTS, FEW, VALUES
 from tests.support.tables import cases
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from hypothesis import given
 
-from metaros.twin import ABSENT, apply, diff, same
-from tests.metaros.twin.documents import DOCUMENTS, FEW, PATCHES
+from metaros.fleet.twin import ABSENT, apply, diff, same
+from tests.metaros.fleet.twin.documents import DOCUMENTS, FEW, PATCHES
 
 
 @FEW

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from metaros.twin import Twin, TwinError, canonical, json_schema, parse, parse_part
-from metaros.twin.tables import SECTIONS
-from tests.metaros.twin.documents import FEW, PATCHES
+from metaros.fleet.twin import Twin, TwinError, canonical, json_schema, parse, parse_part
+from metaros.fleet.twin.tables import SECTIONS
+from tests.metaros.fleet.twin.documents import FEW, PATCHES
 from tests.support.tables import cases
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 WHOLE: dict[str, Any] = {
     "topics": {"camera/image/compressed": {"class": "live", "rate_hz": 5}, "**": {"forward": False}},
     "nodes": {

@@ -7,8 +7,8 @@ from typing import Any
 
 from hypothesis import given
 
-from metaros.twin import merge, merge_all, patch_between, same
-from tests.metaros.twin.documents import DOCUMENTS, FEW, PATCHES, VALUES
+from metaros.fleet.twin import merge, merge_all, patch_between, same
+from tests.metaros.fleet.twin.documents import DOCUMENTS, FEW, PATCHES, VALUES
 from tests.support.tables import cases
 
 # RFC 7396, appendix A: original, patch, result.

@@ -299,7 +299,7 @@ def test_results_expire(zenoh_router, here):
         assert server.active == []
 
 
-def test_status_is_told_to_late_clients(serve, here):
+def test_status_is_reported_to_late_clients(serve, here):
     _, client = serve(until_cancelled)
     goal = client.send_goal(Fibonacci.Goal()).wait()
     wait_until(lambda: goal.status is GoalState.EXECUTING)
@@ -329,7 +329,7 @@ def test_a_server_that_closes_ends_the_wait_at_once(serve):
         client.send_goal(Fibonacci.Goal()).wait()
 
 
-def test_deadlines_and_misuse_are_told(serve):
+def test_deadlines_and_misuse_are_reported(serve):
     _, client = serve(until_cancelled)
     goal = client.send_goal(Fibonacci.Goal()).wait()
     with pytest.raises(TimeoutError_):
@@ -350,7 +350,7 @@ def test_deadlines_and_misuse_are_told(serve):
         node.create_action_server(Fibonacci, "x", lambda: None)
 
 
-def test_a_callback_that_waits_for_its_own_executor_is_told(there):
+def test_a_callback_that_waits_for_its_own_executor_is_reported(there):
     errors: list[Exception] = []
     with metaros.Node("both", context=there) as node:
         node.create_action_server(Fibonacci, "fibonacci", fibonacci)

@@ -18,13 +18,13 @@ def goal() -> ClientGoal:
 
 @pytest.mark.parametrize("end", sorted(TERMINAL))
 def test_whatever_the_order_the_furthest_state_is_the_goals(end: GoalState) -> None:
-    told = (GoalState.UNKNOWN, GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING)
-    for order in itertools.permutations(told):
+    reported = (GoalState.UNKNOWN, GoalState.ACCEPTED, GoalState.EXECUTING, GoalState.CANCELING)
+    for order in itertools.permutations(reported):
         one = goal()
         for number, status in enumerate(order):
             one.learn(status)
             assert one.status is max(GoalState.ACCEPTED, *order[: number + 1])
         one.learn(end)
-        for status in (*told, *TERMINAL):
+        for status in (*reported, *TERMINAL):
             one.learn(status)
             assert one.status is end

@@ -19,8 +19,8 @@ from metaros.errors import PeerRestartedError, UnavailableError
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.node.action import GoalState, ServerGoal
-from tests.support.forked import ended, forked
-from tests.support.processes import started
+from tests.support.processes.forked import ended, forked
+from tests.support.processes.processes import started
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[4]

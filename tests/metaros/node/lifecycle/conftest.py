@@ -10,7 +10,7 @@ import pytest
 
 import metaros
 from metaros.clock import ManualClock
-from tests.support.contexts import SharedContexts
+from tests.support.nodes.contexts import SharedContexts
 
 Serve = Callable[..., metaros.SingleThreadedExecutor]
 

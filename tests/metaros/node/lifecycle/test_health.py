@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from metaros.clock import ManualClock
 from metaros.errors import UsageError
 from metaros.node.lifecycle.health import Health, Mode
-from metaros.node.lifecycle.rules import Action, Decision, HealthRule, Step
+from metaros.node.lifecycle.health_rules import Action, Decision, HealthRule, Step
 from metaros.node.lifecycle.signals import (
     CallbackOverrun,
     CpuPercent,

@@ -220,13 +220,13 @@ def test_services_and_events(lidar, there, spin):
 
 
 def test_publishers_are_silent_and_timers_rest_unless_active(still, manual, there):
-    heard: list[str] = []
+    received: list[str] = []
     ticks: list[str] = []
     with LifecycleNode("speaker", context=still) as node, metaros.Node("listener", context=there) as listener:
         publisher = node.create_lifecycle_publisher(String, "words")
         node.create_lifecycle_timer(0.5, lambda: ticks.append(node.state.label))
         node.on_deactivate(lambda: publisher.publish(String(data="last words")))
-        listener.create_subscription(String, "words", lambda message: heard.append(message.data))
+        listener.create_subscription(String, "words", lambda message: received.append(message.data))
         wait_until(lambda: there.graph.endpoints("/words", "MP") and still.graph.endpoints("/words", "MS"))
         ears, mouth = metaros.SingleThreadedExecutor(), metaros.SingleThreadedExecutor()
         ears.add_node(listener)
@@ -252,13 +252,13 @@ def test_publishers_are_silent_and_timers_rest_unless_active(still, manual, ther
 
         def both() -> bool:
             ears.spin_once(0.05)
-            return len(heard) == 2
+            return len(received) == 2
 
         wait_until(both)
         publisher.close()
         ears.shutdown()
         mouth.shutdown()
-    assert heard == ["active", "last words"]
+    assert received == ["active", "last words"]
 
 
 def test_a_callback_may_close_its_node(here):

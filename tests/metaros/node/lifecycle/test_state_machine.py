@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from metaros.errors import UsageError
 from metaros.interfaces.lifecycle_msgs import msg
-from metaros.node.lifecycle.machine import STATES, TRANSITIONS, Machine, Result, State
+from metaros.node.lifecycle.state_machine import STATES, TRANSITIONS, Result, State, StateMachine
 
 LABELS = ("configure", "cleanup", "activate", "deactivate", "shutdown")
 S, F, E = Result.SUCCESS, Result.FAILURE, Result.ERROR
@@ -30,14 +30,14 @@ AFTER_ERROR = {S: "unconfigured", F: "finalized", E: "finalized"}
 PRIMARY = [state for state in STATES if state.primary and state.id]
 
 
-def at(state: State) -> Machine:
-    machine = Machine()
+def at(state: State) -> StateMachine:
+    machine = StateMachine()
     machine.state = state
     return machine
 
 
 def test_a_node_begins_unconfigured() -> None:
-    assert (Machine().state.id, Machine().state.label) == (1, "unconfigured")
+    assert (StateMachine().state.id, StateMachine().state.label) == (1, "unconfigured")
 
 
 @pytest.mark.parametrize(("state", "label"), list(itertools.product(PRIMARY, LABELS)))
@@ -77,7 +77,7 @@ def test_no_result_without_a_request(state: State, result: Result) -> None:
 
 @pytest.mark.parametrize("result", Result)
 def test_error_processing(result: Result) -> None:
-    machine = Machine()
+    machine = StateMachine()
     machine.request("configure")
     machine.finish(Result.ERROR)
     assert machine.finish(result).id == {S: 60, F: 61, E: 62}[result]
@@ -85,7 +85,7 @@ def test_error_processing(result: Result) -> None:
 
 
 def test_a_finalized_node_stays() -> None:
-    machine = Machine()
+    machine = StateMachine()
     machine.request(5)
     machine.finish(Result.SUCCESS)
     assert machine.available() == ()
@@ -120,7 +120,7 @@ def test_what_is_offered_where() -> None:
 
 @given(st.lists(st.one_of(st.sampled_from(LABELS), st.sampled_from(list(Result)), st.integers(-5, 105))))
 def test_whatever_happens_the_state_follows_the_table(events: list[str | Result | int]) -> None:
-    machine = Machine()
+    machine = StateMachine()
     for event in events:
         before = machine.state
         try:

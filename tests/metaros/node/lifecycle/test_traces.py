@@ -14,8 +14,8 @@ import pytest
 
 from metaros.clock import ManualClock
 from metaros.node.lifecycle.health import Health, Mode
+from metaros.node.lifecycle.health_rules import HealthRule, Step
 from metaros.node.lifecycle.meters import RateMeter
-from metaros.node.lifecycle.rules import HealthRule, Step
 from metaros.node.lifecycle.signals import TopicRate
 
 TRACES = 40

@@ -125,7 +125,7 @@ def test_an_absent_node_is_unavailable_at_once(here):
         client.close()
 
 
-def test_changes_are_heard_by_others(here, there):
+def test_changes_are_received_by_others(here, there):
     got: list[Any] = []
     with metaros.Node("listener", context=here) as listener, metaros.Node("robot", context=there) as robot:
         listener.create_subscription(ParameterEvent, "/parameter_events", got.append, qos_parameters)
@@ -133,12 +133,12 @@ def test_changes_are_heard_by_others(here, there):
         executor.add_node(listener)
         robot.declare_parameter("tags", [], parameter_type=list[str])
 
-        def heard() -> bool:
+        def received() -> bool:
             robot.parameters["tags"] = []
             executor.spin_once(0.05)
             return any(event.changed_parameters for event in got)
 
-        wait_until(heard)
+        wait_until(received)
         event = next(event for event in got if event.changed_parameters)
         assert (event.node, event.stamp.sec > 0) == ("/robot", True)
         assert [(item.name, item.value.type) for item in event.changed_parameters] == [("tags", 9)]

@@ -264,15 +264,15 @@ def test_a_failing_callback_refuses_before_and_is_logged_after(parameters, caplo
     assert parameters["a"] == 2
 
 
-def test_changes_are_told(parameters):
-    told: list[tuple[str, str]] = []
-    parameters.tell = lambda changes: told.extend((change.what, change.name) for change in changes)
+def test_changes_are_reported(parameters):
+    reported: list[tuple[str, str]] = []
+    parameters.notify = lambda changes: reported.extend((change.what, change.name) for change in changes)
     parameters.declare("a", 1)
     parameters["a"] = 1
     parameters.undeclare("a")
     parameters.declare("d", 1, dynamic_typing=True)
     parameters["d"] = None
-    assert told == [("new", "a"), ("changed", "a"), ("deleted", "a"), ("new", "d"), ("deleted", "d")]
+    assert reported == [("new", "a"), ("changed", "a"), ("deleted", "a"), ("new", "d"), ("deleted", "d")]
 
 
 def test_listing_follows_prefixes_and_depth(parameters):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from metaros.supervise.logs import RotatingLog
+from metaros.supervise.logs.file import RotatingLog
 
 
 def test_the_file_never_exceeds_its_size_and_keeps_one_predecessor(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError
-from metaros.supervise.log_reader import Page, read_page
-from metaros.supervise.logs import RotatingLog
+from metaros.supervise.logs.file import RotatingLog
+from metaros.supervise.logs.reader import Page, read_page
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.alerts.notices.plan import NEVER, Told, next_stage
-from gateway.alerts.notices.route import Route
+from gateway.alerting.alerts.notices.plan import NEVER, LastNotice, next_stage
+from gateway.alerting.alerts.notices.route import Route
+from gateway.automation.outbound.webhook import Webhook
 from gateway.domain.alert import Alert
-from gateway.outbound.webhook import Webhook
-from tests.gateway.alerts.findings import NOW, S
+from tests.gateway.alerting.alerts.findings import NOW, S
 
 ROUTE = Route(name="ops", to=Webhook(url="https://hooks.example.org/"))
 LATER = NOW + 3600 * S
@@ -21,35 +21,35 @@ def alert(**more: Any) -> Alert:
     return Alert(id="A", title="Too hot", **{**fields, **at_ns, **more})
 
 
-def told(stage: Any = "opened", **more: Any) -> Told:
+def reported(stage: Any = "opened", **more: Any) -> LastNotice:
     """What the route was told a second later."""
     fields: dict[str, Any] = {"severity": "warning", "times": 1, "told_ns": NOW + S}
-    return Told(alert="A", route="ops", stage=stage, **{**fields, **more})
+    return LastNotice(alert="A", route="ops", stage=stage, **{**fields, **more})
 
 
-NEXT: tuple[tuple[Alert, Told | None, tuple[str, int]], ...] = (
+NEXT: tuple[tuple[Alert, LastNotice | None, tuple[str, int]], ...] = (
     (alert(), None, ("opened", NOW + 10 * S)),
     (alert(severity="info"), None, ("opened", NEVER)),
     (alert(inhibited_by="B"), None, ("opened", NEVER)),
     (alert(silence="S"), None, ("opened", NEVER)),
     (alert(state="acknowledged", acknowledged_ns=NOW + S), None, ("opened", NOW + 10 * S)),
     (alert(state="resolved", resolved_ns=LATER), None, ("opened", NEVER)),
-    (alert(), told(), ("opened", NOW + S + 14_400 * S)),
-    (alert(silence="S"), told(), ("opened", NEVER)),
-    (alert(severity="error"), told(), ("opened", 0)),
-    (alert(severity="error", state="acknowledged"), told(), ("opened", 0)),
-    (alert(state="acknowledged", acknowledged_ns=LATER), told(), ("acknowledged", LATER)),
-    (alert(state="acknowledged", acknowledged_ns=LATER), told("acknowledged"), ("acknowledged", NEVER)),
-    (alert(), told("acknowledged"), ("opened", NOW + S + 14_400 * S)),
-    (alert(state="resolved", resolved_ns=LATER), told(), ("resolved", LATER)),
-    (alert(state="resolved", resolved_ns=LATER, silence="S"), told(), ("resolved", LATER)),
-    (alert(state="resolved", resolved_ns=LATER), told("resolved"), ("resolved", NEVER)),
-    (alert(times=2), told("resolved"), ("opened", NOW + S + 600 * S)),
-    (alert(times=2, silence="S"), told("resolved"), ("opened", NEVER)),
+    (alert(), reported(), ("opened", NOW + S + 14_400 * S)),
+    (alert(silence="S"), reported(), ("opened", NEVER)),
+    (alert(severity="error"), reported(), ("opened", 0)),
+    (alert(severity="error", state="acknowledged"), reported(), ("opened", 0)),
+    (alert(state="acknowledged", acknowledged_ns=LATER), reported(), ("acknowledged", LATER)),
+    (alert(state="acknowledged", acknowledged_ns=LATER), reported("acknowledged"), ("acknowledged", NEVER)),
+    (alert(), reported("acknowledged"), ("opened", NOW + S + 14_400 * S)),
+    (alert(state="resolved", resolved_ns=LATER), reported(), ("resolved", LATER)),
+    (alert(state="resolved", resolved_ns=LATER, silence="S"), reported(), ("resolved", LATER)),
+    (alert(state="resolved", resolved_ns=LATER), reported("resolved"), ("resolved", NEVER)),
+    (alert(times=2), reported("resolved"), ("opened", NOW + S + 600 * S)),
+    (alert(times=2, silence="S"), reported("resolved"), ("opened", NEVER)),
 )
 
 
-def test_what_is_told_next() -> None:
+def test_what_is_reported_next() -> None:
     found = [(now, before, next_stage(now, before, ROUTE), expected) for now, before, expected in NEXT]
     assert [case for case in found if case[2] != case[3]] == []
 

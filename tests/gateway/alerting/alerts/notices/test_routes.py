@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.alerts.notices.route import Mailbox, Route
-from gateway.alerts.notices.routes import load_routes
-from gateway.outbound.webhook import Webhook
+from gateway.alerting.alerts.notices.route import Mailbox, Route
+from gateway.alerting.alerts.notices.routes import load_routes
+from gateway.automation.outbound.webhook import Webhook
 from metaros.errors import ConfigError
-from tests.support.certificates import make_certificate
+from tests.support.servers.certificates import make_certificate
 from tests.support.tables import refusal
 
 HOOK = '[[webhook]]\nname = "ops"\nurl = "https://hooks.example.org/x"\n'

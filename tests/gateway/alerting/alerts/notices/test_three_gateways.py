@@ -7,13 +7,13 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 from metaros.clock import ManualClock
-from tests.gateway.alerts.findings import NOW, cleared, opened
-from tests.gateway.alerts.notices.test_feature import hook, notices
-from tests.gateway.alerts.world import World, open_world
-from tests.support.receivers import http_receiver
+from tests.gateway.alerting.alerts.findings import NOW, cleared, opened
+from tests.gateway.alerting.alerts.notices.test_service import hook, notices
+from tests.gateway.alerting.alerts.world import World, open_world
+from tests.support.servers.receivers import http_receiver
 
 
-async def test_each_alert_is_told_once_whoever_dies(tmp_path: Path, shared_url: str) -> None:
+async def test_each_alert_is_reported_once_whoever_dies(tmp_path: Path, shared_url: str) -> None:
     clock = ManualClock(wall_ns=NOW)
     async with http_receiver() as receiver, AsyncExitStack() as stack:
         worlds = {
@@ -27,26 +27,26 @@ async def test_each_alert_is_told_once_whoever_dies(tmp_path: Path, shared_url: 
         async def step(judge: World) -> None:
             """Every gateway that lives has its turn, all at once."""
             clock.advance(2.5)
-            await asyncio.gather(*(sender.take_turn() for sender in senders.values()))
-            judge.desk.tick()
-            await judge.desk.save()
-            await asyncio.gather(*(worlds[name].desk.look() for name in senders))
-            await asyncio.gather(*(sender.tell("ops") for sender in senders.values()))
+            await asyncio.gather(*(sender.take_leadership() for sender in senders.values()))
+            judge.manager.tick()
+            await judge.manager.save()
+            await asyncio.gather(*(worlds[name].manager.refresh() for name in senders))
+            await asyncio.gather(*(sender.send_due("ops") for sender in senders.values()))
 
         sent: list[str] = []
         for number in range(3):
             judge = worlds[list(senders)[-1]]  # the one that was started last
-            await judge.tell(opened(robot=f"r{number}"))
+            await judge.report(opened(robot=f"r{number}"))
             for _ in range(8):
                 await step(judge)
             sent.append("opened")
             assert receiver.types == sent
-            await judge.tell(cleared(robot=f"r{number}"))
+            await judge.report(cleared(robot=f"r{number}"))
             for _ in range(16):
                 await step(judge)
             sent.append("resolved")
             assert receiver.types == sent
             if len(senders) > 1:  # whoever has its turn stands still for good
-                turns = [name for name, sender in senders.items() if await sender.take_turn()]
+                turns = [name for name, sender in senders.items() if await sender.take_leadership()]
                 assert len(turns) == 1
                 del senders[turns[0]]

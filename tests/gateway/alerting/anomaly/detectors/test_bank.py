@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.anomaly.bank import PAGE_ROWS, THRESHOLD, Bank, BankConfig, SnapshotError
-from gateway.anomaly.explanation import learned
-from gateway.anomaly.stream import Stream
+from gateway.alerting.anomaly.detectors.bank import PAGE_ROWS, THRESHOLD, Bank, BankConfig, SnapshotError
+from gateway.alerting.anomaly.detectors.stream import Stream
+from gateway.alerting.anomaly.explanation import learned
 
 START_S = 1_767_225_600.0
 QUICK = BankConfig(learn_samples=20, learn_s=0.0, profile_learn_s=0.0, cooldown_samples=4, cooldown_s=0.0, places=16)
@@ -92,7 +92,7 @@ def test_a_snapshot_that_does_not_fit_is_refused() -> None:
     assert bank.load(bank.dump([])) == []
 
 
-def test_learning_is_told_and_nothing_alerts_before_it_is_over() -> None:
+def test_learning_is_reported_and_nothing_alerts_before_it_is_over() -> None:
     bank = Bank()
     slot = np.array([bank.add()])
     assert bank.learned(0) == (0, 150)
@@ -114,10 +114,10 @@ def test_an_odd_value_alerts_once_and_is_no_news_again() -> None:
     for number in range(200):
         assert stream.update(START_S + number, float(number % 10)) < THRESHOLD
     assert stream.update(START_S + 200, 50.0) >= THRESHOLD
-    told = stream.explain()
-    assert (told.novelty, told.value, told.nearest) == ("value", 50.0, 9.0)
-    assert told.low < 0.0 < 9.0 < told.high < 50.0
-    assert told.reason.startswith("50 is new: ")
+    reported = stream.explain()
+    assert (reported.novelty, reported.value, reported.nearest) == ("value", 50.0, 9.0)
+    assert reported.low < 0.0 < 9.0 < reported.high < 50.0
+    assert reported.reason.startswith("50 is new: ")
     stream.update(START_S + 201, 99.0)
     assert stream.explain().reason.endswith(", just after an alert")
     for number in range(202, 300):
@@ -153,10 +153,10 @@ def test_a_value_of_another_hour_is_the_profiles() -> None:
     for number in range(8 * day):
         stream.update(START_S + number * step_s, 100.0 * (number % day // 72) + number % 3)
     assert stream.update(START_S + (8 * day + 100) * step_s, 0.0) >= THRESHOLD  # at night it would be nothing
-    told = stream.explain()
-    assert told.novelty == "profile"
-    assert "usual at this hour" in told.reason
-    assert told.low < 100.0 < told.high
+    reported = stream.explain()
+    assert reported.novelty == "profile"
+    assert "usual at this hour" in reported.reason
+    assert reported.low < 100.0 < reported.high
 
 
 def test_what_people_call_normal_is_no_news() -> None:
@@ -268,8 +268,8 @@ def test_whatever_comes_the_score_is_a_score(samples: list[tuple[float, float]])
         score = bank.update(slot, np.array([stamp_s]), np.array([value]))[0]
         assert 0.0 <= score <= 1.0
         assert stream.update(stamp_s, value) == score
-        told = bank.explain(0)
-        numbers = (told.value, told.nearest, told.low, told.high, *bank.band(0))
+        reported = bank.explain(0)
+        numbers = (reported.value, reported.nearest, reported.low, reported.high, *bank.band(0))
         assert all(map(math.isfinite, numbers))
     assert bank.explain(0) == stream.explain()
     assert bank.dump([0]) == bank.dump([0])

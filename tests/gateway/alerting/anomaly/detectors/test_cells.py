@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.anomaly.cells import LATE_ROWS, SECONDS_AT_ONCE, Cells, Second
+from gateway.alerting.anomaly.detectors.cells import LATE_ROWS, SECONDS_AT_ONCE, Cells, Second
 
 
 def cells_of(slots: int, **options: int) -> Cells:

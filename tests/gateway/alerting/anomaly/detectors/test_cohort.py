@@ -7,7 +7,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from gateway.anomaly.cohort import CohortConfig, Cohorts
+from gateway.alerting.anomaly.detectors.cohort import CohortConfig, Cohorts
 
 CONFIG = CohortConfig(learn=60)
 
@@ -30,7 +30,7 @@ class Fleet:
             )
             values[2] += hot
             self.cohorts.put(np.arange(self.robots), values, self.at_s)
-            verdict = self.cohorts.judge(self.at_s)
+            verdict = self.cohorts.evaluate(self.at_s)
             if verdict is not None:
                 found += list(zip(verdict.slots, verdict.opened, verdict.median, verdict.others, strict=True))
         return [(int(slot), bool(opened), float(median), int(others)) for slot, opened, median, others in found]
@@ -48,7 +48,7 @@ def fleet(learnt: Fleet) -> Fleet:
     return deepcopy(learnt)
 
 
-def test_one_that_is_other_for_long_is_told_with_the_median_of_the_others(fleet: Fleet) -> None:
+def test_one_that_is_other_for_long_is_reported_with_the_median_of_the_others(fleet: Fleet) -> None:
     slot, opened, median, others = fleet.run(120, hot=25.0)[0]
     assert (slot, opened, others) == (2, True, 5)
     assert 45.0 < median < 51.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.anomaly.flat import Flat
-from tests.gateway.anomaly.cellfeed import second
+from gateway.alerting.anomaly.detectors.flat import Flat
+from tests.gateway.alerting.anomaly.cellfeed import second
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_a_noisy_series_that_stops_is_frozen_within_five_seconds_and_moves_again
     assert feed(flat, [0.3] * 8 + [0.4, 0.5], start_s=1e9 + 200.0) == [(4, True), (8, False)]
 
 
-def test_a_series_may_rest_where_it_often_rests_but_not_elsewhere(flat: Flat) -> None:
+def test_a_series_may_rest_where_it_often_rests_but_not_remote(flat: Flat) -> None:
     start_s = 1e9
     for _ in range(30):
         feed(flat, [*noise(10), *[0.0] * 60], start_s=start_s)

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from gateway.anomaly.lasting import Lasting, LastingConfig
-from tests.gateway.anomaly.cellfeed import quick, second
+from gateway.alerting.anomaly.detectors.lasting import Lasting, LastingConfig
+from tests.gateway.alerting.anomaly.cellfeed import quick, second
 
 Values = npt.NDArray[np.float64]
 CONFIG = quick(LastingConfig(learn_s=3600, epoch_s=1800))
@@ -79,36 +79,36 @@ def test_hours_of_the_usual_say_nothing(series: Series) -> None:
     assert series.feed(series.usual(500)) == []
 
 
-def test_another_level_is_told_within_five_seconds_and_over_when_it_is_back(series: Series) -> None:
+def test_another_level_is_reported_within_five_seconds_and_over_when_it_is_back(series: Series) -> None:
     found = series.feed([value + 15.0 for value in series.usual(60)])
     assert found[0][0] <= 4
     assert found[0][1:] in {("level", True), ("step", True)}
     assert any(kind == "level" and not opened for _, kind, opened in series.told(series.usual(500)))
 
 
-def test_a_spike_of_a_second_or_two_is_not_told(series: Series) -> None:
+def test_a_spike_of_a_second_or_two_is_not_reported(series: Series) -> None:
     assert series.feed([50.0, 50.0, *series.usual(300)]) == []
 
 
-def test_a_drift_within_the_range_of_seconds_is_told(series: Series) -> None:
+def test_a_drift_within_the_range_of_seconds_is_reported(series: Series) -> None:
     told = series.told(value + 0.0015 * n for n, value in enumerate(series.usual(2400)))
     assert next(kind for _, kind, opened in told if opened) in {"drift", "level"}
 
 
-def test_vibration_is_told_by_the_spread_within_seconds(series: Series) -> None:
+def test_vibration_is_reported_by_the_spread_within_seconds(series: Series) -> None:
     assert series.feed(series.usual(20), spread=2.0)[0] == (3, "vibration", True)
 
 
-def test_vibration_is_told_where_a_second_has_one_row(series: Series) -> None:
+def test_vibration_is_reported_where_a_second_has_one_row(series: Series) -> None:
     assert ("vibration", True) in (edge[1:] for edge in series.told(series.usual(400, noise=5.0)))
 
 
-def test_a_series_that_calms_down_is_told(series: Series) -> None:
+def test_a_series_that_calms_down_is_reported(series: Series) -> None:
     told = series.told([0.001 * value for value in series.usual(1200)], spread=0.0001)
     assert ("calm", True) in (edge[1:] for edge in told)
 
 
-def test_another_frequency_is_told(learnt: Lasting) -> None:
+def test_another_frequency_is_reported(learnt: Lasting) -> None:
     series = Series(learnt, WAVE)
     told = series.told(series.usual(900, noise=0.05, period_s=9.0))
     assert ("frequency", True) in (edge[1:] for edge in told)

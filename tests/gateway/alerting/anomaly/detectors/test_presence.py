@@ -7,9 +7,9 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from gateway.anomaly.presence import Presence, PresenceConfig
-from gateway.anomaly.rates import RateConfig
-from tests.gateway.anomaly.cellfeed import second
+from gateway.alerting.anomaly.detectors.presence import Presence, PresenceConfig
+from gateway.alerting.anomaly.detectors.rates import RateConfig
+from tests.gateway.alerting.anomaly.cellfeed import second
 
 
 class Robot:
@@ -62,7 +62,7 @@ def test_a_topic_with_long_pauses_gets_a_later_deadline(robot: Robot) -> None:
     assert [edge for edge in robot.run(8, there=False) if edge[0] == "silence"] == [("silence", 5.0, True)]
 
 
-def test_a_slower_and_a_faster_topic_are_told_within_five_seconds(robot: Robot) -> None:
+def test_a_slower_and_a_faster_topic_are_reported_within_five_seconds(robot: Robot) -> None:
     assert robot.run(10, count=3) == [("low", 3.0, True)]
     assert robot.run(30)[0][0] == "low"
     assert robot.run(10, count=30)[0] == ("high", 2.0, True)

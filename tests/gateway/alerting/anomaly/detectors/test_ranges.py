@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.anomaly.ranges import RangeRule, Ranges
+from gateway.alerting.anomaly.detectors.ranges import RangeRule, Ranges
 
 RULE = RangeRule(part=0.3, deviations=0.5, need=3, clear=4, learn=200, epoch=100, adopt=500, memory=100_000)
 
@@ -21,7 +21,7 @@ def ranges() -> Ranges:
 def feed(ranges: Ranges, values: list[float]) -> list[tuple[int, str]]:
     found = []
     for n, value in enumerate(values):
-        verdict = ranges.judge(np.array([0]), np.array([value]))
+        verdict = ranges.evaluate(np.array([0]), np.array([value]))
         if verdict.opened[0] or verdict.closed[0]:
             found.append((n, "opened" if verdict.opened[0] else "closed"))
     return found
@@ -45,7 +45,7 @@ def test_what_lasts_very_long_is_the_new_normal(ranges: Ranges) -> None:
     assert feed(ranges, [5.0] * 1200) == [(2, "opened"), (499, "closed")]
 
 
-def test_nothing_is_told_while_it_learns_and_an_accepted_value_is_normal(ranges: Ranges) -> None:
+def test_nothing_is_reported_while_it_learns_and_an_accepted_value_is_normal(ranges: Ranges) -> None:
     fresh = Ranges(RULE)
     fresh.columns.grow(1)
     assert feed(fresh, [0.0] * 100 + [9.0] * 99) == []

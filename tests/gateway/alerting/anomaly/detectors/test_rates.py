@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.anomaly.checks import CheckTable
-from gateway.anomaly.defaults import DEFAULT_CHECKS
-from gateway.anomaly.rates import Rates
+from gateway.alerting.anomaly.checks import CheckTable
+from gateway.alerting.anomaly.defaults import DEFAULT_CHECKS
+from gateway.alerting.anomaly.detectors.rates import Rates
 
 ROW = np.array([0])
 
@@ -58,5 +58,5 @@ def test_twice_the_usual_rate_is_too_fast(rates: Rates) -> None:
 def test_the_table_of_checks_says_what_is_too_slow_and_for_how_long(
     rates: Rates, changes: dict[str, float | None], seconds: int
 ) -> None:
-    rates.obey(table(**changes))
+    rates.set_checks(table(**changes))
     assert edges(rates, 3.0, seconds) == []

@@ -1,4 +1,4 @@
-"""A robot's detectors in another judge go on as if they had never moved, to the last bit."""
+"""A robot's detectors in another evaluator go on as if they had never moved, to the last bit."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.anomaly.bank import BankConfig, SnapshotError
-from gateway.anomaly.flat import Flat
-from gateway.anomaly.judgement import Judge, JudgeConfig
-from gateway.anomaly.lasting import LastingConfig
-from gateway.anomaly.moving import pack_robot, unpack_robot
-from gateway.anomaly.vector import VectorConfig
+from gateway.alerting.anomaly.detectors.bank import BankConfig, SnapshotError
+from gateway.alerting.anomaly.detectors.flat import Flat
+from gateway.alerting.anomaly.detectors.lasting import LastingConfig
+from gateway.alerting.anomaly.detectors.robot_state import pack_robot, unpack_robot
+from gateway.alerting.anomaly.detectors.vector import VectorConfig
+from gateway.alerting.anomaly.evaluator import Evaluator, EvaluatorConfig
 from gateway.domain.finding import Edge
-from tests.gateway.anomaly.cellfeed import quick
+from tests.gateway.alerting.anomaly.cellfeed import quick
 
 START_S = 1_000_000_000
 BAD_S, END_S = 200, 370  # all is learned by then; the end
-CONFIG = JudgeConfig(
+CONFIG = EvaluatorConfig(
     bank=BankConfig(times=3.0, learn_s=150.0),
     lasting=quick(LastingConfig(learn_s=600, epoch_s=300)),
     vector=VectorConfig(learn=60, refresh=10, period_s=1.0),
@@ -60,9 +60,9 @@ class Judges:
     """Some judges; each robot's rows and facts go to the one that has it."""
 
     def __init__(self, count: int, robots: Iterable[str], others: int = 0) -> None:
-        self.judges = [Judge(CONFIG) for _ in range(count)]
-        for judge in self.judges:
-            judge._detectors.flat = Flat(changes=130)  # what froze is judged sooner than after half an hour
+        self.judges = [Evaluator(CONFIG) for _ in range(count)]
+        for evaluator in self.judges:
+            evaluator._detectors.flat = Flat(changes=130)  # what froze is judged sooner than after half an hour
         for number in range(others):  # so that numbers differ
             self.judges[-1].slot(f"other{number}", "x.y", "/x")
         self.owner = dict.fromkeys(robots, self.judges[0])
@@ -71,41 +71,41 @@ class Judges:
         self.second = 0
 
     def feed(self, robot: str, rows: list[Rows]) -> None:
-        judge = self.owner[robot]
-        slots = [judge.slot(robot, series, TOPICS[series]) for series, _, _ in rows]
-        judge.samples(np.array(slots), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))
+        evaluator = self.owner[robot]
+        slots = [evaluator.slot(robot, series, TOPICS[series]) for series, _, _ in rows]
+        evaluator.samples(np.array(slots), np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))
 
     def run(self, seconds: int, *, facts: bool = True) -> None:
         for _ in range(seconds):
             now_s = START_S + self.second + 1.0
-            for robot, judge in self.owner.items():
+            for robot, evaluator in self.owner.items():
                 rows = rows_of(robot, self.second)
                 self.history[robot] = [*self.history[robot], *rows][-1200:]
                 self.feed(robot, rows)
                 if facts:
-                    self._facts(judge, robot, now_s)
-            for judge in self.judges:
-                self.edges += [(edge.finding.robot, edge) for edge in judge.tick(now_s)]
+                    self._facts(evaluator, robot, now_s)
+            for evaluator in self.judges:
+                self.edges += [(edge.finding.robot, edge) for edge in evaluator.tick(now_s)]
             self.second += 1
 
-    def _facts(self, judge: Judge, robot: str, now_s: float) -> None:
+    def _facts(self, evaluator: Evaluator, robot: str, now_s: float) -> None:
         bad = self.second - BAD_S if robot == "r1" else -1
         if not 110 <= bad < 155:
-            judge.heard(robot, now_s)
+            evaluator.heartbeat(robot, now_s)
         if bad in (20, 25, 30, 35):
             for up in (False, True, False, True):
-                judge.link(robot, up, now_s)
-            judge.gap(robot, "/scan", 5, now_s)
-            judge.node(robot, "driver", "restarted", now_s)
-        judge.rates(robot, {"/camera/image": 4.0 if 40 <= bad < 110 else 30.0}, now_s)
+                evaluator.link(robot, up, now_s)
+            evaluator.gap(robot, "/scan", 5, now_s)
+            evaluator.node(robot, "driver", "restarted", now_s)
+        evaluator.rates(robot, {"/camera/image": 4.0 if 40 <= bad < 110 else 30.0}, now_s)
 
-    def move(self, robot: str, judge: Judge, state: bytes | None = None) -> None:
+    def move(self, robot: str, evaluator: Evaluator, state: bytes | None = None) -> None:
         """With the rows that the state does not have, as the store has them."""
         state = state if state is not None else self.owner[robot].dump_robot(robot)
         self.owner[robot].forget(robot)
-        self.owner[robot] = judge
-        judge.load_robot(robot, state)
-        _, done = judge.judged_s(robot)
+        self.owner[robot] = evaluator
+        evaluator.load_robot(robot, state)
+        _, done = evaluator.judged_s(robot)
         self.feed(robot, [row for row in self.history[robot] if row[1] // 1.0 > done[row[0]]])
 
     def told(self, robot: str) -> list[tuple[str, str, str, float]]:
@@ -117,7 +117,7 @@ class Judges:
         return sorted(kinds, key=lambda kind: (kind[3], kind))
 
     def state(self, robot: str) -> dict[str, object]:
-        """All that is known of a robot, but for what is compared with other robots once a minute of the judge's own."""
+        """All that is known of a robot, but for what is compared with others once a minute of the evaluator's own."""
         words, groups = unpack_robot(self.owner[robot].dump_robot(robot))
         arrays = {(group, name): array for group, named in groups.items() for name, array in named.items()}
         numbers = {
@@ -171,7 +171,7 @@ def test_after_a_kill_what_came_since_the_state_was_saved_is_found_once(calm: tu
         before = len(moving.edges)
         moving.run(17, facts=False)
         del moving.edges[before:]  # the state knows nothing of them
-        other = next(judge for judge in moving.judges if judge is not moving.owner["r1"])
+        other = next(evaluator for evaluator in moving.judges if evaluator is not moving.owner["r1"])
         moving.move("r1", other, state)
         moving.run(3)
     facts = ("offline", "link_flaps", "sequence", "crash_loop", "behind")
@@ -190,7 +190,7 @@ def test_after_a_kill_what_came_since_the_state_was_saved_is_found_once(calm: tu
 def test_what_is_no_state_begins_anew() -> None:
     made = Judges(2, ("r0",))
     made.run(30)
-    state, judge = made.owner["r0"].dump_robot("r0"), made.judges[1]
+    state, evaluator = made.owner["r0"].dump_robot("r0"), made.judges[1]
     words, groups = unpack_robot(state)
     other = pack_robot({**words, "config": "other"}, groups)
     fewer = pack_robot({**words, "series": words["series"][:2]}, groups)
@@ -198,26 +198,26 @@ def test_what_is_no_state_begins_anew() -> None:
     nonsense = pack_robot({"config": words["config"], "opened": 3}, {})
     for damaged in (b"", state[:-1], state[:100] + b"x" + state[101:], other, fewer, missing, nonsense):
         with pytest.raises(SnapshotError):
-            judge.load_robot("r0", damaged)
-        assert judge.robots() == []
-        assert len(judge._detectors.novelties.bank) == 0
-    made.move("r0", judge)
+            evaluator.load_robot("r0", damaged)
+        assert evaluator.robots() == []
+        assert len(evaluator._detectors.novelties.bank) == 0
+    made.move("r0", evaluator)
     made.run(30)
-    assert judge.learned(judge.find("r0", WAVE)).seen == 60
+    assert evaluator.learned(evaluator.find("r0", WAVE)).seen == 60
 
 
 def test_a_robot_without_series_moves_with_what_is_known_of_its_link() -> None:
-    here, there = Judge(CONFIG), Judge(CONFIG)
+    here, there = Evaluator(CONFIG), Evaluator(CONFIG)
     here.link("r", True, START_S)
     here.link("r", False, START_S + 1)
     there.load_robot("r", here.dump_robot("r"))
     assert [edge.finding.kind for edge in there.tick(START_S + 31.0)] == ["offline"]
 
 
-def test_a_judge_that_has_no_room_takes_none_of_it() -> None:
+def test_an_evaluator_that_has_no_room_takes_none_of_it() -> None:
     made = Judges(1, ("r0",))
     made.run(5)
-    small = Judge(replace(CONFIG, slots=3))
+    small = Evaluator(replace(CONFIG, slots=3))
     with pytest.raises(SnapshotError):
         small.load_robot("r0", made.owner["r0"].dump_robot("r0"))
     assert small.robots() == []

@@ -7,7 +7,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from gateway.anomaly.vector import METRICS, VectorConfig, Vectors
+from gateway.alerting.anomaly.detectors.vector import METRICS, VectorConfig, Vectors
 
 CONFIG = VectorConfig(learn=300, smooth=1.0)
 
@@ -29,7 +29,7 @@ class Robot:
             speed = self.rng.normal()
             current = self.rng.normal() if broken else speed + 0.05 * self.rng.normal()
             self.vectors.put(self.robots, self.places, np.array((speed, current, self.rng.normal())), self.at_s)
-            verdict = self.vectors.judge(np.array([0]), self.at_s)
+            verdict = self.vectors.evaluate(np.array([0]), self.at_s)
             if verdict is not None:
                 found += [
                     (bool(o), int(parts.argmax())) for o, parts in zip(verdict.opened, verdict.parts, strict=True)
@@ -49,7 +49,7 @@ def robot(learnt: Robot) -> Robot:
     return deepcopy(learnt)
 
 
-def test_a_broken_correlation_is_told_and_the_metrics_of_it_are_blamed(robot: Robot) -> None:
+def test_a_broken_correlation_is_reported_and_the_metrics_of_it_are_blamed(robot: Robot) -> None:
     opened, blamed = robot.run(60, broken=True)[0]
     assert opened
     assert blamed in (0, 1)
@@ -66,17 +66,17 @@ def test_a_missing_metric_counts_as_its_mean(robot: Robot) -> None:
     found = []
     for _ in range(100):
         robot.at_s += 5.0
-        verdict = robot.vectors.judge(np.array([0]), robot.at_s)
+        verdict = robot.vectors.evaluate(np.array([0]), robot.at_s)
         found += [] if verdict is None else verdict.opened.tolist()
     assert found == []
 
 
-def test_nothing_is_told_while_it_learns_and_constants_are_no_trouble() -> None:
+def test_nothing_is_reported_while_it_learns_and_constants_are_no_trouble() -> None:
     vectors = Vectors(CONFIG)
     vectors.columns.grow(1)
     for n in range(400):
         vectors.put(np.zeros(2, np.int64), np.arange(2), np.array((1.0, 2.0)), 5.0 * n)
-        verdict = vectors.judge(np.array([0]), 5.0 * n)
+        verdict = vectors.evaluate(np.array([0]), 5.0 * n)
         assert verdict is None or not len(verdict.robots)
     assert np.isfinite(vectors.columns["covariance"]).all()
     assert vectors.columns["covariance"].shape[1:] == (METRICS, METRICS)

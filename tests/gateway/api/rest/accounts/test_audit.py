@@ -13,7 +13,7 @@ from gateway.domain.principal import Role
 from gateway.main import Ready
 from gateway.store.sqlite import DATABASE
 from tests.gateway.harness import OPERATOR_KEY, RING, ScriptedAgent, client, open_socket, running_gateway
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 ADMIN = RING.add(role=Role.ADMIN, name="test admin")
 VIEWER = RING.add(role=Role.VIEWER, name="test viewer")
@@ -152,7 +152,7 @@ async def test_a_log_that_was_changed(tmp_path: Path) -> None:
 
 async def test_a_refusal_of_nobody_known_is_seen(tmp_path: Path) -> None:
     ring = KeyRing()
-    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+    async with running_gateway(tmp_path, authenticator=ring, anonymous=False) as ready:
         async with client(ready, key="") as http:
             assert (await http.get("/api/v1/robots")).status_code == 401
         admin = (ready.data_dir / "local.key").read_text().strip()

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from gateway.api import models_identity as models
+from gateway.api.models import identity as models
 from gateway.main import Ready
 from tests.gateway.harness import client, open_socket, running_gateway
 
@@ -112,7 +112,7 @@ async def test_a_browser_signs_in_changes_its_password_and_signs_out(tmp_path: P
         assert (await ada.get("/api/v1/auth/me")).json()["kind"] == "anonymous"
 
 
-async def test_a_guesser_is_told_nothing_but_to_wait(tmp_path: Path, browsers: Opened) -> None:
+async def test_a_guesser_is_reported_nothing_but_to_wait(tmp_path: Path, browsers: Opened) -> None:
     async with running_gateway(tmp_path, sign_ins_per_min=0) as ready, client(ready, key=local_key(ready)) as local:
         await local.post("/api/v1/users", json={"name": "ada", "role": "viewer", "password": PASSWORD})
         said: dict[str, set[tuple[str, str]]] = {"ada": set(), "nobody": set()}

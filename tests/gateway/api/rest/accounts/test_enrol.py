@@ -9,11 +9,11 @@ from typing import Any
 import httpx
 
 from gateway.domain.principal import Role
-from gateway.identity.certificates import load_certificate, pin, robot_uri
+from gateway.identity.certificates.parsing import load_certificate, pin, robot_uri
 from metaros.link.proof import renew_statement, sign
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.identity.robot_keys import ask, der, new_key
-from tests.support.key_ring import KeyRing
+from tests.support.gateways.memory_authenticator import KeyRing
 
 API = "/api/v1"
 
@@ -38,7 +38,7 @@ async def post(http: httpx.AsyncClient, path: str, **body: Any) -> tuple[int, di
 async def test_a_robot_enrols_and_renews(tmp_path: Path) -> None:
     ring = KeyRing()
     admin = ring.add(role=Role.ADMIN, name="ada")
-    async with running_gateway(tmp_path, door=ring) as ready, client(ready, key=admin) as people:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, client(ready, key=admin) as people:
         made = await token(people, robot="arm")
         assert made["command"] == f"metaros agent enrol {made['token']} --gateway {ready.url} --name arm"
         async with client(ready, key="") as http:
@@ -75,7 +75,7 @@ async def test_a_robot_enrols_and_renews(tmp_path: Path) -> None:
 async def test_refusals_have_their_codes(tmp_path: Path) -> None:
     ring = KeyRing()
     admin = ring.add(role=Role.ADMIN)
-    async with running_gateway(tmp_path, door=ring) as ready, client(ready, key=admin) as http:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, client(ready, key=admin) as http:
         open_token, bound = await token(http), await token(http, robot="arm")
         good = ask(new_key())
 
@@ -99,7 +99,7 @@ async def test_refusals_have_their_codes(tmp_path: Path) -> None:
 async def test_an_admin_of_some_robots_makes_tokens_for_them(tmp_path: Path) -> None:
     ring = KeyRing()
     admin, some = ring.add(role=Role.ADMIN), ring.add(role=Role.ADMIN, robots=("arm*",))
-    async with running_gateway(tmp_path, door=ring) as ready, client(ready, key=some) as http:
+    async with running_gateway(tmp_path, authenticator=ring) as ready, client(ready, key=some) as http:
         assert (await post(http, "/enrolment-tokens"))[1]["code"] == "invalid_request"
         assert (await post(http, "/enrolment-tokens", robot="leg"))[1]["code"] == "unknown_robot"
         await token(http, robot="arm1")

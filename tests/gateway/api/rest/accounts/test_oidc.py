@@ -13,8 +13,8 @@ import pytest
 
 from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
-from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, OidcServer, another_key, oidc_server
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
+from tests.support.servers.oidc_server import CLIENT_ID, CLIENT_SECRET, OidcServer, another_key, oidc_server
 
 START, BACK = "/api/v1/auth/oidc/start", "/api/v1/auth/oidc/callback"
 JSON = {"Accept": "application/json"}
@@ -51,8 +51,8 @@ async def at_provider(browser: httpx.AsyncClient) -> dict[str, str]:
     """Begin, and sign in there: what the browser brings back."""
     begun = await browser.get(START)
     assert begun.status_code == 302, begun.text
-    async with httpx.AsyncClient(trust_env=False, verify=TRUSTS_NOBODY) as elsewhere:
-        sent = await elsewhere.get(begun.headers["location"])
+    async with httpx.AsyncClient(trust_env=False, verify=TRUSTS_NOBODY) as remote:
+        sent = await remote.get(begun.headers["location"])
     return dict(httpx.URL(sent.headers["location"]).params)
 
 
@@ -206,7 +206,7 @@ PROVIDERS: tuple[dict[str, Any], ...] = (  # that answer badly, or lead where th
 )
 
 
-async def test_a_provider_that_answers_badly_or_leads_elsewhere(tmp_path: Path, provider: OidcServer) -> None:
+async def test_a_provider_that_answers_badly_or_leads_remote(tmp_path: Path, provider: OidcServer) -> None:
     wrong = []
     async with world(tmp_path, provider, sign_ins_per_min=0.0) as (_, browser):
         for fields in PROVIDERS:

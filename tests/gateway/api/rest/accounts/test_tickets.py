@@ -10,7 +10,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
-from gateway.api import models_tickets
+from gateway.api.models import identity
 from tests.gateway.harness import OPERATOR_KEY, client, running_gateway
 
 
@@ -20,7 +20,7 @@ async def test_a_ticket_opens_the_stream_from_any_page_and_nothing_else(tmp_path
         async with client(ready, key=local) as http:
             answer = await http.post("/api/v1/auth/tickets", json={"robots": ["r1"], "ttl_s": 60})
             assert answer.status_code == 201
-            ticket = models_tickets.Ticket.model_validate(answer.json()).ticket
+            ticket = identity.Ticket.model_validate(answer.json()).ticket
             beyond = await http.post("/api/v1/auth/tickets", json={"role": "owner"})
             assert (beyond.status_code, beyond.json()["code"]) == (400, "invalid_request")
         stream = f"ws://127.0.0.1:{ready.http_port}/api/v1/stream"

@@ -9,11 +9,11 @@ from typing import Any
 
 import httpx
 
-from gateway.api import models, models_alerts
+from gateway.api.models import alerts, common
 from gateway.domain.principal import Role
 from gateway.errors import TooManyError
 from tests.gateway.harness import RING, ScriptedAgent, client, hear, open_socket, say
-from tests.support.alerting_gateway import alerting_gateway
+from tests.support.gateways.alerting_gateway import alerting_gateway
 
 ALERTS = "/api/v1/alerts"
 ADMIN = RING.add(role=Role.ADMIN, name="chief")
@@ -40,7 +40,7 @@ async def ids(http: httpx.AsyncClient, **query: Any) -> list[str]:
     """Of the alerts in a list."""
     answer = await http.get(ALERTS, params=query)
     assert answer.status_code == 200, answer.text
-    return [one["id"] for one in models_alerts.AlertList.model_validate_json(answer.content).model_dump()["alerts"]]
+    return [one["id"] for one in alerts.AlertList.model_validate_json(answer.content).model_dump()["alerts"]]
 
 
 async def test_a_list_is_filtered_and_comes_in_pages(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ async def test_the_life_of_one_alert(tmp_path: Path) -> None:
     async with alerting_gateway(tmp_path) as some, client(some.ready) as http:
         alert = await some.open("sim 1/ü", since_s=1_777_896_000.0)
         answer = await http.get(f"{ALERTS}/{alert.id}")
-        models_alerts.AlertDetail.model_validate_json(answer.content)
+        alerts.AlertDetail.model_validate_json(answer.content)
         shown = answer.json()
         assert (shown["state"], shown["value"], shown["low"], shown["high"]) == ("open", 97.5, None, 95.0)
         assert shown["first"] == "2026-05-04T12:00:00.000Z"
@@ -195,7 +195,7 @@ async def test_a_robot_shows_its_alerts_in_lists_and_streams(tmp_path: Path) -> 
             while (await hear(socket, "fleet"))["robots"][0]["alerts"] != one:
                 pass  # what its link's end changed
             assert (await listed()).json()["robots"] == [{"id": "sim_1", "alerts": one}]
-            models.Robot.model_validate_json((await http.get("/api/v1/robots/sim_1")).content)
+            common.Robot.model_validate_json((await http.get("/api/v1/robots/sim_1")).content)
             await said(http, alert.id, "silence")
             while (await hear(socket, "fleet"))["robots"][0]["alerts"] != none:
                 pass
@@ -206,8 +206,8 @@ async def test_normal_says_what_was_taught(tmp_path: Path) -> None:
     async with alerting_gateway(tmp_path) as some, client(some.ready) as http:
         alert = await some.open("sim_1")
         answer = await said(http, alert.id, "normal", text="summer")
-        told = models_alerts.AlertNormal.model_validate_json(answer.content)
-        assert (answer.status_code, told.alert.id) == (200, alert.id)
+        reported = alerts.AlertNormal.model_validate_json(answer.content)
+        assert (answer.status_code, reported.alert.id) == (200, alert.id)
         remarks = (await http.get(f"{ALERTS}/{alert.id}")).json()["remarks"]
         assert ("normal", "test operator") in [(one["kind"], one["by"]) for one in remarks]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 
-from gateway.api import models_watch
+from gateway.api.models import watch
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
@@ -39,7 +39,7 @@ async def test_what_would_have_fired(tmp_path: Path) -> None:
         await agent.next("ack", DATA)
         answer = await tried(http)
         assert answer.status_code == 200, answer.text
-        report = models_watch.Backtest.model_validate_json(answer.content)
+        report = watch.Backtest.model_validate_json(answer.content)
         assert (report.robot, report.samples, report.cut) == ("lab_1", 120, False)
         fired = next(one for one in report.findings if one.detector == "motor_overheats")
         assert (fired.series, fired.severity, fired.high, fired.until) == (SERIES, "error", 95.0, None)

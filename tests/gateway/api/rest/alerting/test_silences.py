@@ -9,12 +9,12 @@ from typing import Any
 
 import httpx
 
-from gateway.api import models_alerts, models_watch
+from gateway.api.models import alerts, watch
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from tests.gateway.harness import DATA, RING, ScriptedAgent, client, running_gateway
-from tests.support.alerting_gateway import alerting_gateway
+from tests.support.gateways.alerting_gateway import alerting_gateway
 
 SILENCES, CHECKS, ROUTES = "/api/v1/silences", "/api/v1/alert-checks", "/api/v1/alert-routes"
 ADMIN = RING.add(role=Role.ADMIN, name="chief")
@@ -43,11 +43,11 @@ async def test_a_silence_keeps_an_alert_quiet_until_it_ends(tmp_path: Path) -> N
     async with alerting_gateway(tmp_path) as some, client(some.ready) as http:
         alert = await some.open("lab_1")
         made = await http.post(f"/api/v1/alerts/{alert.id}/silence", json={"for_s": 60.0, "reason": "on the lift"})
-        silence = models_alerts.Silence.model_validate_json(made.content)
+        silence = alerts.Silence.model_validate_json(made.content)
         assert (made.status_code, silence.robots, silence.causes) == (201, ["lab_1"], ["heat"])
         assert (silence.by, silence.reason, silence.up_to) == ("test operator", "on the lift", "error")
         await shows(http, alert.id, silence=silence.id, quiet=True)
-        listed = models_alerts.SilenceList.model_validate_json((await http.get(SILENCES)).content)
+        listed = alerts.SilenceList.model_validate_json((await http.get(SILENCES)).content)
         assert [one.id for one in listed.silences] == [silence.id]
         ended = await http.delete(f"{SILENCES}/{silence.id}")
         assert (ended.status_code, ended.json()["id"]) == (200, silence.id)
@@ -112,11 +112,11 @@ async def test_a_check_is_changed_for_the_whole_fleet_and_put_back(tmp_path: Pat
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack:
         keys = (ADMIN, SCOPED, NARROW)
         chief, http, narrow = [await stack.enter_async_context(client(ready, key=key)) for key in keys]
-        table = models_watch.AlertCheckList.model_validate_json((await http.get(CHECKS)).content).checks
+        table = watch.AlertCheckList.model_validate_json((await http.get(CHECKS)).content).checks
         before = next(row for row in table if row.id == "motor_overheats")
         assert (before.high, before.changed, before.changed_by, before.changed_at) == (95.0, [], "", None)
         answer = await chief.put(path, json={"high": 90.0, "enabled": None})
-        changed = models_watch.AlertCheck.model_validate_json(answer.content)
+        changed = watch.AlertCheck.model_validate_json(answer.content)
         assert (answer.status_code, changed.high, changed.changed, changed.changed_by) == (200, 90.0, ["high"], "chief")
         assert changed.for_s == before.for_s
         unbound = (await chief.put(path, json={"high": None, "severity": "warning"})).json()
@@ -138,7 +138,7 @@ async def test_a_check_is_changed_for_the_whole_fleet_and_put_back(tmp_path: Pat
         assert refusal(await narrow.put(path, json={"high": 1.0})) == (403, "forbidden")
         assert refusal(await chief.put(f"{CHECKS}/none", json={"high": 1.0})) == (404, "unknown_check")
         assert refusal(await chief.delete(f"{CHECKS}/none")) == (404, "unknown_check")
-        back = models_watch.AlertCheck.model_validate_json((await chief.delete(path)).content)
+        back = watch.AlertCheck.model_validate_json((await chief.delete(path)).content)
         assert (back.high, back.changed) == (95.0, [])
         rows = (await chief.get("/api/v1/audit", params={"action": "alerts.manage"})).json()["rows"]
         assert {"motor_overheats: high 90.0", "motor_overheats: as it comes"} <= {row["detail"] for row in rows}
@@ -152,16 +152,16 @@ async def test_routes_of_notices_are_shown_and_tried(tmp_path: Path) -> None:
     notify.write_text(f'{text.format("all")}\n{text.format("hall")}\nrobots = ["hall_*"]\n')
     async with running_gateway(tmp_path, notify=notify) as ready, AsyncExitStack() as stack:
         chief, http = [await stack.enter_async_context(client(ready, key=key)) for key in (ADMIN, SCOPED)]
-        listed = models_watch.AlertRouteList.model_validate_json((await chief.get(ROUTES)).content)
+        listed = watch.AlertRouteList.model_validate_json((await chief.get(ROUTES)).content)
         assert [(one.name, one.kind, one.sent) for one in listed.routes] == [
             ("all", "webhook", 0),
             ("hall", "webhook", 0),
         ]
         assert [one["name"] for one in (await http.get(ROUTES)).json()["routes"]] == ["all"]
         done = await chief.post(f"{ROUTES}/all/test", json={})
-        told = models_watch.AlertRouteTest.model_validate_json(done.content)
-        assert (done.status_code, told.ok, told.status) == (200, False, 0)
-        assert told.error
+        reported = watch.AlertRouteTest.model_validate_json(done.content)
+        assert (done.status_code, reported.ok, reported.status) == (200, False, 0)
+        assert reported.error
         assert refusal(await chief.post(f"{ROUTES}/none/test", json={})) == (404, "unknown_route")
         assert refusal(await http.post(f"{ROUTES}/all/test", json={})) == (403, "forbidden")
 
@@ -174,17 +174,17 @@ async def test_what_is_watched_of_a_robot(tmp_path: Path) -> None:
             await agent.announce(series=series)
             await agent.rows(1, [(1, now_ns - (9 - n) * 10**9, 40.0 + n % 2) for n in range(10)])
             await agent.next("ack", DATA)
-            shown: list[models_watch.SeriesWatch] = []
+            shown: list[watch.SeriesWatch] = []
             while not shown:
                 answer = await http.get(base)
                 assert answer.status_code == 200, answer.text
-                shown = models_watch.Watch.model_validate_json(answer.content).series
+                shown = watch.Watch.model_validate_json(answer.content).series
             assert (shown[0].series, shown[0].score) == (SERIES, 0.0)
             assert shown[0].seen < shown[0].of
             band = await http.get(f"{base}/band", params={"series": SERIES, "from": "-1m"})
-            told = models_watch.Band.model_validate_json(band.content)
-            assert (told.robot, told.series) == ("lab_1", SERIES)
-            assert [point[0] for point in told.points] == sorted(point[0] for point in told.points)
+            reported = watch.Band.model_validate_json(band.content)
+            assert (reported.robot, reported.series) == ("lab_1", SERIES)
+            assert [point[0] for point in reported.points] == sorted(point[0] for point in reported.points)
             for path in ("/api/v1/robots/hall_1/watch", "/api/v1/robots/hall_1/watch/band?series=x"):
                 assert refusal(await http.get(path)) == (404, "unknown_robot")
             for query in ("", "series=", "series=a&from=now&to=-1h", "series=a&from=soon"):

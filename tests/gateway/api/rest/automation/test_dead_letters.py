@@ -9,9 +9,9 @@ from typing import Any
 import httpx
 
 from gateway.domain.principal import Role
-from tests.gateway.api.test_functions import as_, until
+from tests.gateway.api.rest.automation.test_functions import as_, until
 from tests.gateway.harness import RING, client, running_gateway
-from tests.support.lambda_gateway import zipped
+from tests.support.gateways.lambda_gateway import zipped
 
 ADMIN = RING.add(role=Role.ADMIN, name="letters' admin")
 SCOPED = RING.add(role=Role.OPERATOR, name="letters of one robot", robots=("sim_1",))

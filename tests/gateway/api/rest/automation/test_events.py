@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 
-from gateway.api.models_events import EventList
+from gateway.api.models.events import EventList
 from gateway.api.rest.sse import EventPieces, server_event
 from gateway.domain.principal import Role
 from gateway.errors import StoreError

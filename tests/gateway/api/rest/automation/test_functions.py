@@ -15,8 +15,8 @@ import pytest_asyncio
 
 from gateway.domain.principal import Role
 from tests.gateway.harness import RING, client, running_gateway
-from tests.support.lambda_gateway import zipped
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.lambda_gateway import zipped
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
 
 ADMIN = RING.add(role=Role.ADMIN, name="functions' admin")
 VIEWER = RING.add(role=Role.VIEWER, name="functions' viewer")
@@ -80,7 +80,7 @@ async def invocations(http: httpx.AsyncClient, echo: str, count: int, **query: A
     return found
 
 
-async def test_a_function_is_made_called_and_told_of(http: httpx.AsyncClient, echo: str) -> None:
+async def test_a_function_is_made_called_and_reported_of(http: httpx.AsyncClient, echo: str) -> None:
     called = (await http.post(f"{echo}/invoke", json={"a": 1})).json()
     assert called["status"] == "ok"
     assert called["payload"] == {"echo": {"a": 1}, "word": "yes"}
@@ -182,11 +182,11 @@ async def test_a_canary_that_fails_too_often_is_rolled_back(http: httpx.AsyncCli
     assert alias["version"] == "1"
     assert "failed" in alias["canary"]["reason"]
 
-    async def told() -> bool:
+    async def reported() -> bool:
         events = (await http.get("/api/v1/events", params={"kind": "function.canary"})).json()["events"]
         return [item["data"]["state"] for item in events] == ["rolled_back", "running"]
 
-    await until(told)
+    await until(reported)
 
 
 async def test_environment_is_for_who_may_change_functions(http: httpx.AsyncClient, echo: str) -> None:
@@ -201,7 +201,7 @@ async def test_environment_is_for_who_may_change_functions(http: httpx.AsyncClie
             assert seen["concurrency"]["reserved"] == 2
 
 
-async def test_how_events_are_tried_and_who_is_told_can_be_set(http: httpx.AsyncClient, echo: str) -> None:
+async def test_how_events_are_tried_and_who_is_reported_can_be_set(http: httpx.AsyncClient, echo: str) -> None:
     own = f"arn:aws:lambda:local:000000000000:function:{echo.removeprefix(f'{FUNCTIONS}/')}"
     queue = "arn:aws:sqs:eu-central-1:123456789012:dead"
     wanted = {"most_retries": 0, "most_age_s": 60, "on_success": own, "on_failure": queue, "dead_letter": queue}

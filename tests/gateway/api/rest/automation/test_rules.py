@@ -9,7 +9,7 @@ from typing import Any
 
 import httpx
 
-from gateway.api import models_rules as models
+from gateway.api.models import rules as models
 from gateway.domain.principal import Role
 from tests.gateway.harness import RING, client, running_gateway
 
@@ -49,8 +49,8 @@ async def test_a_rule_is_made_changed_and_taken_away(tmp_path: Path) -> None:
         assert (await http.post(f"{RULES}/night/enable", json={})).json()["enabled"] is True
         listed = models.RuleList.model_validate_json((await http.get(RULES)).content)
         assert [one.name for one in listed.rules] == ["night"]
-        told = models.RuleHistory.model_validate_json((await http.get(f"{RULES}/night/history")).content)
-        assert [one.what for one in told.entries] == ["enabled", "disabled", "changed", "created"]
+        reported = models.RuleHistory.model_validate_json((await http.get(f"{RULES}/night/history")).content)
+        assert [one.what for one in reported.entries] == ["enabled", "disabled", "changed", "created"]
         assert (await http.delete(f"{RULES}/night")).status_code == 204
         assert refusal(await http.get(f"{RULES}/night")) == (404, "unknown_rule")
 
@@ -102,7 +102,7 @@ async def test_who_may_not_change_rules_sees_no_secrets_and_a_scope_is_kept(tmp_
         assert refusal(await narrow.put(f"{RULES}/far", json=document("far", targets=[robot]))) == (400, "rule_invalid")
 
 
-async def test_what_users_put_is_judged_stored_and_told(tmp_path: Path) -> None:
+async def test_what_users_put_is_judged_stored_and_reported(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN) as http:
         function = {"id": "call", "kind": "function", "function": "react"}
         pattern = {"source": ["shop"], "detail": {"state": [{"prefix": "late"}]}}

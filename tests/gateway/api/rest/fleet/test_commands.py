@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from gateway.api.rest import orders
+from gateway.api.rest.fleet import orders
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.cdr import codec
@@ -142,7 +142,7 @@ async def test_one_command_for_each_robot_that_is_named(tmp_path: Path) -> None:
         assert (wrong.status_code, wrong.json()["code"]) == (400, "selector_invalid")
 
 
-async def test_a_recording_is_asked_for_by_its_own_desk(tmp_path: Path) -> None:
+async def test_a_recording_is_asked_for_by_its_own_manager(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
         body = {"kind": "save_recording", "request": {"last_s": 5, "topics": ["/a/**"]}}
         done = (await http.post(SEND, json=body)).json()

@@ -10,7 +10,7 @@ from typing import Any
 
 import httpx
 
-from gateway.api.models_fleet import GroupList, Snapshot
+from gateway.api.models.fleet import GroupList, Snapshot
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.cdr import codec

@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from gateway.domain.principal import Role
-from gateway.fleet import node_logs, node_verbs
+from gateway.fleet.nodes import logs, verbs
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
@@ -31,8 +31,8 @@ ROW = {"allowed": "lidar"}
 @pytest.fixture(autouse=True)
 def _asks_again_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot that refused is asked again, and a log is looked into, without letting a test wait for it."""
-    monkeypatch.setattr(node_verbs, "AGAIN_S", 0.02)
-    monkeypatch.setattr(node_logs, "PAUSE_S", (0.02, 0.05))
+    monkeypatch.setattr(verbs, "AGAIN_S", 0.02)
+    monkeypatch.setattr(logs, "PAUSE_S", (0.02, 0.05))
 
 
 async def until(http: httpx.AsyncClient, path: str, holds: Callable[[Any], object]) -> Any:
@@ -43,7 +43,7 @@ async def until(http: httpx.AsyncClient, path: str, holds: Callable[[Any], objec
     raise AssertionError(body)
 
 
-async def test_start_and_stop_last_and_the_robot_is_told_at_once(tmp_path: Path) -> None:
+async def test_start_and_stop_last_and_the_robot_is_reported_at_once(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN_KEY) as http:
         path = "/api/v1/robots/a1/nodes/lidar"
         async with robot(ready, "a1") as one:
@@ -111,7 +111,7 @@ async def test_a_restart_under_a_key_is_done_once(tmp_path: Path) -> None:
             assert unknown.json()["code"] == "unknown_node"
 
 
-async def test_a_group_is_changed_together_and_told_one_by_one(tmp_path: Path) -> None:
+async def test_a_group_is_changed_together_and_reported_one_by_one(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN_KEY) as http:
         async with robot(ready, "a1") as one, robot(ready, "a2") as two, robot(ready, "b1") as other:
             template = {"selector": "robot in (a1, a2)", "document": {"nodes": {"lidar": ROW}}}

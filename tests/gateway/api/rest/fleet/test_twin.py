@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from gateway.api import views_twin
+from gateway.api.views import twin as views_twin
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
+from metaros.fleet.twin import digest
 from metaros.limits import LIMITS
-from metaros.twin import digest
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, running_gateway
 
 ADMIN_KEY = RING.add(role=Role.ADMIN, name="test admin")

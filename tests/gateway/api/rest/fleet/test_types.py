@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.api.models_types import TypeShape
-from gateway.fleet.shapes import shape_of
+from gateway.api.models.types import TypeShape
+from gateway.fleet.ros.shapes import shape_of
 from metaros._proto import link_pb2
 from metaros.idl import default_catalogue
 from tests.gateway.harness import DATA, ScriptedAgent, client, running_gateway
@@ -18,7 +18,7 @@ OWN = (
 )
 
 
-async def test_shipped_and_announced_types_are_told(tmp_path: Path) -> None:
+async def test_shipped_and_announced_types_are_reported(tmp_path: Path) -> None:
     own = link_pb2.Channel(channel_id=1, topic="/sim_1/lamps", encoding="cdr", schema_name="shop/msg/Lamps")
     own.schema_encoding, own.schema, own.forward = "ros2msg", OWN.encode(), True
     setattr(own, "class", 3)

@@ -9,15 +9,15 @@ from typing import Any
 import httpx
 
 from gateway.domain.principal import Role
+from gateway.fleet.updates import offline
 from gateway.main import Ready
-from gateway.updates import offline
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from tests.gateway import test_robot_links
+from tests.gateway.fleet.updates.repositories import passphrase
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, running_gateway
-from tests.gateway.identity.desks import Held
-from tests.gateway.updates.repositories import passphrase
-from tests.support.bundles import make_bundle
+from tests.gateway.identity.identity_rig import Held
+from tests.support.deployment.bundles import make_bundle
 
 ADMIN = RING.add(role=Role.ADMIN, name="updates admin")
 PATH = "nodes/lidar-node/1.0.0.zip"
@@ -139,7 +139,7 @@ async def test_a_token_ends_with_the_identity_that_it_was_made_for(tmp_path: Pat
             await opened.send(proof=link_pb2.Proof(signature=held.prove(hello, frame.challenge)))
             return (await asyncio.wait_for(opened.next(), 60)).welcome.fetch_token
 
-    async with running_gateway(tmp_path, door=test_robot_links.RING) as ready:
+    async with running_gateway(tmp_path, authenticator=test_robot_links.RING) as ready:
         first, _ = await test_robot_links.enrolled(ready)
         token = await given(ready, first, 1)
         assert await fetches(ready, token)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from gateway.api import models
+from gateway.api.models import common
 from metaros._proto import link_pb2
 from metaros.link import BACKFILL_BIT
 from tests.gateway.harness import CONTROL, EPOCH, ScriptedAgent, channel, client, running_gateway
@@ -25,19 +25,19 @@ async def until(condition: Callable[[], Awaitable[bool]], *, timeout_s: float = 
 
 async def test_a_budget_goes_to_the_agent_and_shows_at_once(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        for asked, told in ((125_000, 125_000), (64_000.0, 64_000), (None, 0)):
+        for asked, reported in ((125_000, 125_000), (64_000.0, 64_000), (None, 0)):
             asking = asyncio.create_task(http.put(UPLINK, json={"bytes_per_s": asked}))
             command = (await agent.next("command", CONTROL)).command
-            assert command.set_uplink.bytes_per_s == told
+            assert command.set_uplink.bytes_per_s == reported
             await agent.answer(command)
             answer = await asking
-            models.Uplink.model_validate_json(answer.content)
+            common.Uplink.model_validate_json(answer.content)
             assert (answer.status_code, answer.json()["bytes_per_s"]) == (200, asked)
             assert (await http.get(UPLINK)).json()["bytes_per_s"] == asked
             assert (await http.get("/api/v1/robots/sim_1")).json()["link"]["budget_bytes_per_s"] == asked
 
 
-async def test_what_no_agent_is_told_is_refused(tmp_path: Path) -> None:
+async def test_what_no_agent_is_reported_is_refused(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         answer = await http.put(UPLINK, json={"bytes_per_s": 5000})
         assert (answer.status_code, answer.json()["code"]) == (404, "unknown_robot")
@@ -80,7 +80,7 @@ async def test_declared_losses_are_listed_newest_first(tmp_path: Path) -> None:
         await agent.send(gap=metric)
         await until(lambda: _gaps(http, 2))
         answer = await http.get("/api/v1/robots/sim_1/gaps")
-        models.GapList.model_validate_json(answer.content)
+        common.GapList.model_validate_json(answer.content)
         first, second = answer.json()["gaps"]
         assert (first["class"], first["topic"], first["reason"], first["count"]) == ("metric", None, "thinned", 2)
         assert (second["class"], second["topic"], second["from"], second["to"]) == ("bulk", "/sim_1/chatter", 3, 7)
@@ -97,11 +97,11 @@ async def _gaps(http: Http, count: int) -> bool:
 
 async def test_the_agents_words_on_its_link_are_shown(tmp_path: Path) -> None:
     depth = link_pb2.ClassDepth(name="bulk", fresh_bytes=1, backfill_bytes=2, samples=3, lost=4, quota_bytes=5)
-    told = link_pb2.LinkStatistics(
+    reported = link_pb2.LinkStatistics(
         transport="websocket", gateway="gw:8081", reconnects=2, classes=[depth], clock_offset_ns=-1_500_000
     )
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await agent.send(CONTROL, statistics=link_pb2.TopicStatistics(link=told))
+        await agent.send(CONTROL, statistics=link_pb2.TopicStatistics(link=reported))
 
         async def shown() -> bool:
             link = (await http.get("/api/v1/robots/sim_1")).json()["link"]

@@ -18,25 +18,25 @@ import pytest
 import pytest_asyncio
 from mcap.reader import make_reader
 
-from gateway.api import models_history
+from gateway.api.models import history as models_history
 from gateway.api.rest import downloads
-from gateway.api.rest.history import RECORDS_TYPE
+from gateway.api.rest.history.history import RECORDS_TYPE
 from gateway.api.rest.ranges import chosen_topics, full_pattern, parse_age
 from gateway.domain.records import split_records
 from gateway.errors import InvalidRequestError
-from gateway.history import desk
+from gateway.history import manager
 from gateway.main import Ready
-from gateway.objects import open_objects
-from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
+from gateway.store.objects import open_objects
+from gateway.store.telemetry.compact import Compaction, CompactPace
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS, Limits
 from tests.gateway.harness import EPOCH, OPERATOR_KEY, ScriptedAgent, bearer, channel, client, running_gateway
-from tests.support.plain_http import TRUSTS_NOBODY
+from tests.support.gateways.plain_http import TRUSTS_NOBODY
 
 shared = pytest.mark.asyncio(loop_scope="module")
 BASE = "/api/v1/robots/sim_1"
@@ -195,15 +195,15 @@ async def test_bad_questions_say_what(world: World) -> None:
 
 @shared
 async def test_too_many_questions_are_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With room for one, the others of a crowd hear so, and the one that is answered is answered."""
+    """With a limit of one, all other requests are refused, and the one that is served is served."""
     http = world.http
-    monkeypatch.setattr(desk, "WAITING", 1)
+    monkeypatch.setattr(manager, "WAITING", 1)
     answers = await asyncio.gather(*(http.get(f"{BASE}/messages?{RANGE}") for _ in range(8)))
     codes = [answer.status_code for answer in answers]
     assert set(codes) <= {200, 429}
     assert 200 in codes
     assert {answer.json()["code"] for answer in answers if answer.status_code == 429} <= {"too_many"}
-    monkeypatch.setattr(desk, "WAITING", 0)
+    monkeypatch.setattr(manager, "WAITING", 0)
     refused = await http.get(f"{BASE}/messages?{RANGE}")
     assert (refused.status_code, refused.json()["code"]) == (429, "too_many")
 
@@ -251,7 +251,7 @@ async def test_readers_that_go_give_their_place_back(world: World) -> None:
 
 @shared
 async def test_a_reader_that_takes_nothing_gives_its_place_back(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(desk, "LIMITS", Limits(exports=1))
+    monkeypatch.setattr(manager, "LIMITS", Limits(exports=1))
     monkeypatch.setattr(downloads, "STALL_S", 0.1)
     async with slow_reader(world.ready) as slow, slow.stream("GET", EXPORT) as answer, asyncio.timeout(60):
         assert answer.status_code == 200

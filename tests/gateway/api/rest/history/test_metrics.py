@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.api import models
+from gateway.api.models import common
 from metaros._proto import link_pb2
 from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, client, running_gateway
 
@@ -25,7 +25,7 @@ async def test_buckets_lines_and_losses(tmp_path: Path) -> None:
             pass
         query = {"name": "battery.x", "start": "1970-01-01T00:00:00Z", "end": "1970-01-01T00:01:39Z", "points": "10"}
         answer = await http.get(RANGE, params=query)
-        models.MetricRange.model_validate_json(answer.content)
+        common.MetricRange.model_validate_json(answer.content)
         (buckets,) = answer.json()["series"]
         assert (sum(buckets["count"]), buckets["max"].index(1.0)) == (100, 4)
         assert answer.json()["gaps"] == [[60_000.0, 61_000.0, 10, "outbox_full"]]

@@ -7,15 +7,15 @@ from pathlib import Path
 import httpx
 import pytest
 
-from gateway.api import models_store
+from gateway.api.models import store
 from gateway.store import storage
 from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
 
 
-async def read_account(http: httpx.AsyncClient) -> models_store.StoreAccount:
+async def read_account(http: httpx.AsyncClient) -> store.StoreAccount:
     """As a client reads it."""
     answer = await http.get("/api/v1/store")
-    return models_store.StoreAccount.model_validate_json(answer.content)
+    return store.StoreAccount.model_validate_json(answer.content)
 
 
 async def test_the_account_and_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,5 +36,5 @@ async def test_the_account_and_the_plan(tmp_path: Path, monkeypatch: pytest.Monk
         }
         assert {item.class_: item.keep_days for item in account.classes}["event"] == 90
         answer = await http.get("/api/v1/store/retention")
-        plan = models_store.RetentionPlan.model_validate_json(answer.content)
+        plan = store.RetentionPlan.model_validate_json(answer.content)
         assert (plan.items, plan.bytes, plan.gaps) == ([], 0, 0)

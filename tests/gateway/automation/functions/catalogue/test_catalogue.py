@@ -11,23 +11,23 @@ from typing import Any
 
 import pytest
 
-from gateway.functions.catalogue import Catalogue
-from gateway.functions.errors import (
+from gateway.automation.functions.catalogue.catalogue import Catalogue
+from gateway.automation.functions.errors import (
     CodeStorageFullError,
     FunctionChangedError,
     FunctionConflictError,
     FunctionInvalidError,
     UnknownFunctionError,
 )
-from gateway.objects import DirectoryStore
 from gateway.store import Store
+from gateway.store.objects import DirectoryStore
 from gateway.store.retention import Retention
+from metaros.automation.functions.package import discard
 from metaros.clock import ManualClock
 from metaros.errors import PackageError
-from metaros.functions.package import discard
 from metaros.limits import LIMITS, Limits
-from tests.support.databases import on_both
-from tests.support.lambda_gateway import ROLE, zipped
+from tests.support.gateways.lambda_gateway import ROLE, zipped
+from tests.support.servers.databases import on_both
 
 Open = Callable[..., Any]
 
@@ -109,17 +109,17 @@ async def test_code_that_is_not_here_is_fetched(opened: Open) -> None:
 @pytest.mark.parametrize("store_url", ["postgres"], indirect=True)  # a file has one gateway
 async def test_changes_of_others_are_seen(opened: Open, store_url: str) -> None:
     first, second = await opened("one"), await opened("two")
-    told: list[str] = []
-    second.catalogue.on_change(told.append)
+    reported: list[str] = []
+    second.catalogue.on_change(reported.append)
     await make(first.catalogue)
     assert second.catalogue.names() == []
-    await second.catalogue.look()
-    assert (second.catalogue.names(), "f" in told) == (["f"], True)
+    await second.catalogue.refresh()
+    assert (second.catalogue.names(), "f" in reported) == (["f"], True)
     with pytest.raises(FunctionConflictError):  # the transaction decides, not what is remembered
         await make(second.catalogue)
     await second.catalogue.do("DeleteFunction", {"FunctionName": "f"})
     await make(first.catalogue)  # and the other way round
-    await second.catalogue.look()
+    await second.catalogue.refresh()
     assert second.catalogue.names() == ["f"]
 
 
@@ -136,19 +136,19 @@ async def test_of_changes_at_a_time_one_wins(opened: Open) -> None:
 
 
 async def test_listeners_hear_of_every_change(opened: Open) -> None:
-    catalogue, told = (await opened()).catalogue, list[str]()
-    catalogue.on_change(told.append)
+    catalogue, reported = (await opened()).catalogue, list[str]()
+    catalogue.on_change(reported.append)
     await make(catalogue)
     asked = {"FunctionName": "f", "EventSourceArn": "arn:aws:metaros:::topic/*/battery_state"}
     mapping = await catalogue.do("CreateEventSourceMapping", {**asked, "Enabled": False})
-    assert told == ["f", "f", ""]
+    assert reported == ["f", "f", ""]
     (row,) = catalogue.mappings()
     assert (row.uuid, row.function, row.enabled, row.start) == (mapping["UUID"], "f", False, "LATEST")
     catalogue.note_mapping(row.uuid, "OK")
     found = await catalogue.do("GetEventSourceMapping", {"UUID": row.uuid})
     assert found["LastProcessingResult"] == "OK"
     await catalogue.do("DeleteFunction", {"FunctionName": "f"})
-    assert (catalogue.mappings(), catalogue.names(), told[-2:]) == ([], [], ["f", ""])
+    assert (catalogue.mappings(), catalogue.names(), reported[-2:]) == ([], [], ["f", ""])
 
 
 async def test_weights_share_the_calls(opened: Open) -> None:
@@ -264,7 +264,7 @@ async def test_what_is_no_code_changes_nothing(opened: Open) -> None:
 
 
 async def test_functions_have_a_bound(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.functions.catalogue_functions.LIMITS", Limits(functions=1))
+    monkeypatch.setattr("gateway.automation.functions.catalogue.functions.LIMITS", Limits(functions=1))
     catalogue = (await opened()).catalogue
     await make(catalogue, "a")
     with pytest.raises(FunctionInvalidError, match="bound"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.functions.catalogue_names import (
+from gateway.automation.functions.catalogue.names import (
     function_arn,
     layer_arn,
     mapping_arn,
@@ -13,7 +13,7 @@ from gateway.functions.catalogue_names import (
     parse_layer_version,
     parse_resource,
 )
-from gateway.functions.errors import FunctionInvalidError, UnknownFunctionError
+from gateway.automation.functions.errors import FunctionInvalidError, UnknownFunctionError
 from tests.support.tables import refusal
 
 UUID = "00000000-0000-4000-8000-000000000000"

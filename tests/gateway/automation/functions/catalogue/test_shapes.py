@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from gateway.functions.catalogue_shapes import check_input, faults_of, model
-from gateway.functions.errors import FunctionInvalidError
+from gateway.automation.functions.catalogue.shapes import check_input, faults_of, model
+from gateway.automation.functions.errors import FunctionInvalidError
 from tests.support.tables import refusal
 
 GOOD: dict[str, Any] = {

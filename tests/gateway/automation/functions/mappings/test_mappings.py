@@ -12,24 +12,24 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.domain.delivery import Put
-from gateway.functions.directory import EventInvoke, MappingRow
-from gateway.functions.mapping_turn import Turns
-from gateway.functions.mappings import Mappings
+from gateway.automation.functions.directory import EventInvoke, MappingRow
+from gateway.automation.functions.mappings.batch_run import BatchRunner
+from gateway.automation.functions.mappings.mappings import Mappings
+from gateway.domain.automation.delivery import Put
 from gateway.store import Store
-from gateway.store.deliveries import put
+from gateway.store.automation.deliveries import put
+from gateway.store.automation.mapping_cursors import Stream
 from gateway.store.engine import StoreEngine
-from gateway.store.mapping_cursors import Stream
 from gateway.store.retention import Retention
 from gateway.store.writes import Committed, StreamWrite
+from metaros.automation.functions.calls import FunctionSpec, Invocation, Outcome
+from metaros.automation.functions.errors import ThrottledError
 from metaros.cdr import codec
 from metaros.clock import ManualClock
-from metaros.functions.calls import FunctionSpec, Invocation, Outcome
-from metaros.functions.faults import ThrottledError
 from metaros.interfaces.std_msgs.msg import String
-from tests.gateway.functions.calling import FakeDirectory, FakeEngine, failed, make_invoker, returned
+from tests.gateway.automation.functions.calling import FakeDirectory, FakeEngine, failed, make_invoker, returned
 from tests.gateway.store.samples import EPOCH, run_write
-from tests.support.databases import on_both
+from tests.support.servers.databases import on_both
 
 ROW = MappingRow(uuid="m-1", source_arn="arn:aws:metaros:::topic/r*/events", function="f")
 Act = Callable[[FunctionSpec, Invocation], Awaitable[Outcome]]
@@ -124,8 +124,8 @@ async def scene(store_url: str, tmp_path: Path) -> AsyncIterator[Scene]:
     invoker, _ = make_invoker(store, engine, directory, accept, clock=clock)
 
     def make() -> Mappings:
-        turns = Turns(store, invoker, put=keep, clock=clock)
-        return Mappings(store, directory, turns, noted=scene.told.extend, clock=clock)
+        batch_runner = BatchRunner(store, invoker, put=keep, clock=clock)
+        return Mappings(store, directory, batch_runner, notify=scene.told.extend, clock=clock)
 
     scene = Scene(store, clock, engine, directory, mappings=None, make=make)  # type: ignore[arg-type]
     scene.mappings = make()
@@ -251,7 +251,7 @@ async def test_an_answer_that_is_none_fails_the_whole_batch(scene: Scene) -> Non
         assert scene.directory.results["m-1"].startswith("PROBLEM"), answer
 
 
-async def test_a_batch_is_halved_until_the_bad_one_is_alone_and_told(scene: Scene) -> None:
+async def test_a_batch_is_halved_until_the_bad_one_is_alone_and_reported(scene: Scene) -> None:
     queue = "arn:aws:sqs:eu-central-1:123456789012:bad"
     remap(scene, bisect=True, most_retries=1, on_failure=queue)
     await scene.drive()

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from metaros.functions.egress import Egress
-from metaros.functions.egress_rules import EgressRules, parse_egress
+from metaros.automation.functions.egress.proxy import Egress
+from metaros.automation.functions.egress.rules import EgressRules, parse_egress
 from metaros.limits import LIMITS, Limits
 from tests.support.waiting import wait_until_async
 
@@ -220,14 +220,14 @@ async def test_a_plain_request_goes_on_alone(fields: str, sent: str, got: str) -
         assert answer.startswith("HTTP/1.1 200 OK\r\nX-Own: yes\r\n")
         assert answer.endswith("Connection: close\r\n\r\n")
         size = int(answer.partition("Content-Length: ")[2].partition("\r\n")[0])
-        told, _, body = (await reader.readexactly(size)).decode().partition("|")
+        reported, _, body = (await reader.readexactly(size)).decode().partition("|")
         assert body == got
-        lines = told.split("\r\n")
+        lines = reported.split("\r\n")
         assert lines[:2] == ["POST /a/b?c=d HTTP/1.1", f"Host: 127.0.0.1:{port}"]
         assert "x-mine: 1" in lines
         assert "Connection: close" in lines
-        assert "x-hop" not in told
-        assert "proxy-auth" not in told
+        assert "x-hop" not in reported
+        assert "proxy-auth" not in reported
         writer.close()
 
 

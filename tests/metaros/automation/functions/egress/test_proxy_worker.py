@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
-from metaros.functions.egress_rules import EgressRules
-from metaros.functions.logs import LogPiece
-from metaros.functions.probe import probe
-from metaros.functions.sandbox.level import Level
-from metaros.functions.zygote import Zygote
-from tests.support.caged import listening
-from tests.support.certificates import make_certificate
-from tests.support.functions import Bench, alive, running_engine
+from metaros.automation.functions.egress.rules import EgressRules
+from metaros.automation.functions.logs import LogPiece
+from metaros.automation.functions.probe import probe
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.zygote import Zygote
+from tests.support.functions.functions import Bench, alive, running_engine
+from tests.support.functions.sandboxed_worker import listening
+from tests.support.servers.certificates import make_certificate
 from tests.support.waiting import wait_until_async
 
 LIBRARIES = """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from metaros.automation.functions.egress.rules import EgressRules, may_reach, parse_bound, parse_egress
 from metaros.errors import FieldError
-from metaros.functions.egress_rules import EgressRules, may_reach, parse_bound, parse_egress
 from tests.support.tables import cases
 
 PUBLIC, PRIVATE, LINK = "93.184.216.34", "10.1.2.3", "169.254.169.254"

@@ -13,9 +13,9 @@ from contextlib import asynccontextmanager
 import httpx
 import pytest
 
-from metaros.functions.calls import Invocation, Outcome
-from metaros.functions.response_stream import ResponseStream
-from metaros.functions.runtime_api import Answer, RuntimeApi, event_head
+from metaros.automation.functions.calls import Invocation, Outcome
+from metaros.automation.functions.response_stream import ResponseStream
+from metaros.automation.functions.runtime.runtime_api import Answer, RuntimeApi, event_head
 from metaros.limits import LIMITS
 from tests.support.waiting import wait_until_async
 
@@ -109,8 +109,8 @@ async def worker() -> AsyncIterator[Worker]:
 async def test_a_call_and_its_answer(worker: Worker) -> None:
     call = await worker.takes_call()
     assert call.content == CALL.payload
-    told = {name: value for name, value in call.headers.items() if name.startswith("lambda-")}
-    assert told == {
+    reported = {name: value for name, value in call.headers.items() if name.startswith("lambda-")}
+    assert reported == {
         "lambda-runtime-aws-request-id": "r1",
         "lambda-runtime-deadline-ms": "123",
         "lambda-runtime-invoked-function-arn": "arn:f",
@@ -211,7 +211,7 @@ async def test_one_request_for_a_call_at_a_time(worker: Worker) -> None:
     assert (await asked).status_code == 200
 
 
-async def test_who_breaks_off_its_request_is_told_of(worker: Worker) -> None:
+async def test_who_breaks_off_its_request_is_reported_of(worker: Worker) -> None:
     await worker.send(b"GET /2018-06-01/" + NEXT.encode() + b" HTTP/1.1\r\n\r\n")
     await wait_until_async(lambda: worker.api.waits)
     await worker.hang_up()

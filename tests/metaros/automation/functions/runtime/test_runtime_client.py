@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from metaros.functions.client_context import context_of
-from metaros.functions.client_errors import Failure, Fault
-from metaros.functions.client_logs import LogSink
-from metaros.functions.runtime_client import find_handler
+from metaros.automation.functions.runtime.client_context import context_of
+from metaros.automation.functions.runtime.client_errors import Failure, Fault
+from metaros.automation.functions.runtime.client_logs import LogSink
+from metaros.automation.functions.runtime.runtime_client import find_handler
 from tests.support.tables import cases
 
 
@@ -102,7 +102,7 @@ def test_without_a_descriptor_of_its_own_the_log_is_stdout(
 
 
 def test_it_imports_nothing_slow() -> None:
-    code = "import sys, metaros.functions.runtime_client; print(*sys.modules)"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = set(told.stdout.split())
+    code = "import sys, metaros.automation.functions.runtime.runtime_client; print(*sys.modules)"
+    reported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(reported.stdout.split())
     assert not loaded & {"asyncio", "httpx", "numpy", "zenoh", "grpc", "ssl", "http.client", "boto3"}

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from metaros.functions.runtime_http import BadRequestError, Request, RequestReader, reply
+from metaros.automation.functions.runtime.runtime_http import BadRequestError, Request, RequestReader, reply
 from metaros.limits import LIMITS
 from tests.support.tables import cases
 
@@ -72,7 +72,7 @@ def test_a_body_at_its_limit_and_over(size: int) -> None:
     assert reading.requests[1].target == b"/c", "the connection goes on"
 
 
-def test_who_waits_for_leave_to_send_is_told() -> None:
+def test_who_waits_for_leave_to_send_is_reported() -> None:
     reading = Reading()
     reading.reader.feed(b"POST /a HTTP/1.1\r\nExpect: 100-continue\r\nContent-Length: 1\r\n\r\n")
     assert reading.went_on == 1
@@ -131,5 +131,5 @@ def test_too_many_trailers() -> None:
 
 
 def test_an_answer() -> None:
-    told = reply(202, b"{}")
-    assert told == b"HTTP/1.1 202 Accepted\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
+    reported = reply(202, b"{}")
+    assert reported == b"HTTP/1.1 202 Accepted\r\nContent-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"

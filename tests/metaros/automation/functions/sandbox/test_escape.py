@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 import pytest_asyncio
 
-from metaros.functions.zygote import Zygote
-from tests.support.caged import LEVELS, Caged, CagedError, EndedError, here, listening
+from metaros.automation.functions.zygote import Zygote
+from tests.support.functions.sandboxed_worker import LEVELS, CagedError, EndedError, SandboxedWorker, here, listening
 from tests.support.waiting import wait_until_async
 
 pytestmark = [
@@ -29,10 +29,12 @@ AS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
 @pytest_asyncio.fixture(params=LEVELS, ids=lambda level: level.name, loop_scope="module")
-async def caged(zygote: Zygote, request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Caged]:
+async def sandboxed(zygote: Zygote, request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[SandboxedWorker]:
     if not await here(request.param):
         pytest.skip(f"{request.param.name} is not on this machine")
-    async with Caged(request.param, tmp_path / "one", zygote=zygote, disk_bytes=32 * MIB, processes=16) as worker:
+    async with SandboxedWorker(
+        request.param, tmp_path / "one", zygote=zygote, disk_bytes=32 * MIB, processes=16
+    ) as worker:
         yield worker
 
 
@@ -46,8 +48,8 @@ def tried(f, *a):
 """
 
 
-async def test_it_is_nobody_and_can_become_nothing_else(caged: Caged) -> None:
-    found = await caged.ask("""
+async def test_it_is_nobody_and_can_become_nothing_else(sandboxed: SandboxedWorker) -> None:
+    found = await sandboxed.ask("""
         import ctypes, os, resource
         libc = ctypes.CDLL(None, use_errno=True)
         header, data = (ctypes.c_uint * 2)(0x20080522, 0), (ctypes.c_uint * 6)()
@@ -61,19 +63,19 @@ async def test_it_is_nobody_and_can_become_nothing_else(caged: Caged) -> None:
     assert not AS_ROOT or found["groups"] == []
     assert found["caps"] == [0] * 6
     assert (found["no_new_privs"], found["core"]) == (1, [0, 0])
-    assert found["seccomp"] == (2 if caged.level >= L2 else 0)
-    assert found["dumpable"] == (1 if caged.level >= L3 else 0)  # at L3 nobody else is there to look
+    assert found["seccomp"] == (2 if sandboxed.level >= L2 else 0)
+    assert found["dumpable"] == (1 if sandboxed.level >= L3 else 0)  # at L3 nobody else is there to look
 
 
 async def test_nothing_of_the_gateway_is_in_its_environment_or_open(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caged: Caged
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, sandboxed: SandboxedWorker
 ) -> None:
     monkeypatch.setenv("GATEWAY_SECRET", "s3cret")
     (tmp_path / "secret").write_text("s3cret")
     descriptor = os.open(tmp_path / "secret", os.O_RDONLY)
     os.set_inheritable(descriptor, True)
     try:
-        async with Caged(caged.level, tmp_path / "other") as other:
+        async with SandboxedWorker(sandboxed.level, tmp_path / "other") as other:
             found = await other.ask("""
                 import os, stat
                 kinds = {}
@@ -97,11 +99,11 @@ async def test_nothing_of_the_gateway_is_in_its_environment_or_open(
     assert sorted(found["kinds"]) == sorted([stat.S_IFCHR, *[stat.S_IFIFO] * 3, *[stat.S_IFSOCK] * 3])
 
 
-async def test_the_network(caged: Caged) -> None:
+async def test_the_network(sandboxed: SandboxedWorker) -> None:
     with listening() as tcp, listening(socket.SOCK_DGRAM) as udp, socket.socket(socket.AF_UNIX) as unix:
         unix.bind("\0metaros-test-" + str(os.getpid()))
         unix.listen()
-        found = await caged.ask(
+        found = await sandboxed.ask(
             TRY
             + """
 import socket
@@ -142,16 +144,16 @@ result = dict(tcp=tried(tcp, socket.AF_INET), tcp6=tried(tcp, socket.AF_INET6), 
         assert found.pop("pair") == "open"  # asyncio stands on it
         assert found.pop("raw") in ("EPERM", "EACCES", "EPROTONOSUPPORT")
         assert found.pop("packet") != "open"
-        if caged.level == L1:  # the network is as open as to any user of the machine
+        if sandboxed.level == L1:  # the network is as open as to any user of the machine
             assert (found["tcp"], found["udp"], found["unix"], found["serve"]) == ("open",) * 4
             tcp.accept()[0].close()
             return
-        refused = "ECONNREFUSED" if caged.level == L3 else "EACCES"  # at L3 it is another network's loopback
+        refused = "ECONNREFUSED" if sandboxed.level == L3 else "EACCES"  # at L3 it is another network's loopback
         assert found.pop("tcp") == refused
         assert found.pop("tcp6") in ("ECONNREFUSED", "EACCES", "ENETUNREACH", "EADDRNOTAVAIL")
         # a server on a loopback that nobody else has is no harm
-        assert found.pop("serve") == ("open" if caged.level == L3 else "EPERM")
-        assert found.pop("unix") == ("ECONNREFUSED" if caged.level == L3 else "EACCES")
+        assert found.pop("serve") == ("open" if sandboxed.level == L3 else "EPERM")
+        assert found.pop("unix") == ("ECONNREFUSED" if sandboxed.level == L3 else "EACCES")
         assert found == {
             "mptcp": "EACCES",
             "udp": "EACCES",
@@ -164,13 +166,13 @@ result = dict(tcp=tried(tcp, socket.AF_INET), tcp6=tried(tcp, socket.AF_INET6), 
                 sock.recv(1) if sock is udp else sock.accept()
 
 
-async def test_files_of_the_machine_and_the_gateway(caged: Caged, tmp_path: Path) -> None:
+async def test_files_of_the_machine_and_the_gateway(sandboxed: SandboxedWorker, tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir(mode=0o755)
     for name, mode in (("public", 0o644), ("private", 0o600)):
         (data / name).write_text("s3cret")
         (data / name).chmod(mode)
-    found = await caged.ask(
+    found = await sandboxed.ask(
         TRY
         + """
 import os
@@ -198,11 +200,11 @@ result = dict(
     assert (found.pop("tmp"), found.pop("null")) == ("written", "written")
     refused = {"EACCES", "EPERM", "ENOENT", "EROFS"}
     readable = {name: found.pop(name) for name in ("public", "passwd", "home")}
-    if caged.level == L1:  # what any user of the machine reads, it reads
+    if sandboxed.level == L1:  # what any user of the machine reads, it reads
         assert readable["passwd"] == "root"
     else:
         assert set(readable.values()) <= refused
-    if not AS_ROOT and caged.level == L1:
+    if not AS_ROOT and sandboxed.level == L1:
         for name in ("private", "environ", "code", "code_chmod"):
             found.pop(name)  # it is the gateway's own user: nothing keeps it from these
     # /root holds, where the interpreter lies in it, nothing but that
@@ -212,15 +214,15 @@ result = dict(
     assert (data / "private").read_text() == "s3cret"
 
 
-async def test_other_workers(caged: Caged, zygote: Zygote, tmp_path: Path) -> None:
-    async with Caged(caged.level, tmp_path / "victim", zygote=zygote) as victim:
+async def test_other_workers(sandboxed: SandboxedWorker, zygote: Zygote, tmp_path: Path) -> None:
+    async with SandboxedWorker(sandboxed.level, tmp_path / "victim", zygote=zygote) as victim:
         await victim.ask("""
             import os
             with open(os.environ["TMPDIR"] + "/mine", "w") as f:
                 f.write("s3cret")
             result = None
         """)
-        found = await caged.ask(
+        found = await sandboxed.ask(
             TRY
             + """
 import ctypes, os
@@ -245,28 +247,28 @@ result = dict(tmp=tried(lambda: open(f"{tmp}/mine").read()), host_tmp=tried(os.l
             code=str(victim.code_dir),
         )
         code = found.pop("code")
-        if caged.level == L1:  # code is for all users of the machine to read
+        if sandboxed.level == L1:  # code is for all users of the machine to read
             assert code == ["app.py"] or (AS_ROOT and code in ("EACCES", "ENOENT"))
         else:
             assert code in ("EACCES", "ENOENT")
-        if AS_ROOT or caged.level >= L2:
+        if AS_ROOT or sandboxed.level >= L2:
             assert set(found.values()) <= {"EACCES", "EPERM", "ENOENT", "ESRCH"}
             assert await victim.ask("result = 1") == 1
 
 
-async def test_signals_to_whoever_is_not_its_own(caged: Caged) -> None:
-    keeper = caged.launched.root_pid
-    found = await caged.ask(
+async def test_signals_to_whoever_is_not_its_own(sandboxed: SandboxedWorker) -> None:
+    keeper = sandboxed.launched.root_pid
+    found = await sandboxed.ask(
         TRY + "import os\nresult = [tried(os.kill, pid, 0) for pid in pids]",
-        pids=[os.getpid(), os.getppid(), keeper] + ([1] if caged.level < L3 else []),
+        pids=[os.getpid(), os.getppid(), keeper] + ([1] if sandboxed.level < L3 else []),
     )
-    if AS_ROOT or caged.level >= L2:
-        own = [0] if caged.level == L1 else []  # its keeper is of the same user: that only harms itself
+    if AS_ROOT or sandboxed.level >= L2:
+        own = [0] if sandboxed.level == L1 else []  # its keeper is of the same user: that only harms itself
         assert {value for value in found if value is not None} <= {"EPERM", "ESRCH"}
         assert found.count(None) == len(own)
-    if caged.level == L3:  # all that it sees is its keeper, which no signal from inside ends
-        await caged.ask(TRY + "import os\nfor s in (15, 9, 19): tried(os.kill, 1, s)\nresult = 1")
-        assert await caged.ask("result = 2") == 2
+    if sandboxed.level == L3:  # all that it sees is its keeper, which no signal from inside ends
+        await sandboxed.ask(TRY + "import os\nfor s in (15, 9, 19): tried(os.kill, 1, s)\nresult = 1")
+        assert await sandboxed.ask("result = 2") == 2
 
 
 FORBIDDEN = {
@@ -308,13 +310,13 @@ UNKNOWN = {"clone3": "libc.syscall(435, buffer, 88)", "newer": "libc.syscall(467
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the numbers are of x86_64")
-async def test_system_calls_that_no_handler_needs(caged: Caged) -> None:
-    if caged.level == L1:
-        found = await caged.ask("import ctypes\nresult = ctypes.CDLL(None).memfd_create(b'x', 0) >= 0")
+async def test_system_calls_that_no_handler_needs(sandboxed: SandboxedWorker) -> None:
+    if sandboxed.level == L1:
+        found = await sandboxed.ask("import ctypes\nresult = ctypes.CDLL(None).memfd_create(b'x', 0) >= 0")
         assert found is True  # L1 has no filter
         return
     lines = [f"    {name!r}: lambda: {call}," for name, call in (FORBIDDEN | UNKNOWN).items()]
-    found = await caged.ask(
+    found = await sandboxed.ask(
         "import ctypes, errno\nlibc = ctypes.CDLL(None, use_errno=True)\nbuffer = ctypes.create_string_buffer(4096)\n"
         "calls = {\n" + "\n".join(lines) + "\n}\nresult = {}\n"
         "for name, call in calls.items():\n    value = call()\n"
@@ -323,24 +325,24 @@ async def test_system_calls_that_no_handler_needs(caged: Caged) -> None:
     assert found == dict.fromkeys(FORBIDDEN, "EPERM") | dict.fromkeys(UNKNOWN, "ENOSYS")
 
 
-async def test_the_other_numbering_of_system_calls_ends_it(caged: Caged) -> None:
-    if caged.level == L1 or platform.machine() != "x86_64":
+async def test_the_other_numbering_of_system_calls_ends_it(sandboxed: SandboxedWorker) -> None:
+    if sandboxed.level == L1 or platform.machine() != "x86_64":
         return
     with pytest.raises(EndedError, match=str(-signal.SIGSYS)):
-        await caged.ask("import ctypes\nctypes.CDLL(None).syscall(0x40000000 + 39)")
+        await sandboxed.ask("import ctypes\nctypes.CDLL(None).syscall(0x40000000 + 39)")
 
 
-async def test_memory_over_its_limit(caged: Caged) -> None:
+async def test_memory_over_its_limit(sandboxed: SandboxedWorker) -> None:
     with pytest.raises(CagedError) as raised:
-        await caged.ask("result = len(bytearray(600 << 20))")
+        await sandboxed.ask("result = len(bytearray(600 << 20))")
     assert raised.value.kind == "MemoryError"
-    assert await caged.ask("result = len(bytearray(64 << 20))") == 64 * MIB
-    await caged.ask("import builtins\nbuiltins.held = bytearray(b'x' * (40 << 20))\nresult = 0")
-    assert caged.launched.usage().memory_bytes > 40 * MIB
+    assert await sandboxed.ask("result = len(bytearray(64 << 20))") == 64 * MIB
+    await sandboxed.ask("import builtins\nbuiltins.held = bytearray(b'x' * (40 << 20))\nresult = 0")
+    assert sandboxed.launched.usage().memory_bytes > 40 * MIB
 
 
-async def test_a_fork_bomb_and_its_end(caged: Caged, zygote: Zygote, tmp_path: Path) -> None:
-    children = await caged.ask("""
+async def test_a_fork_bomb_and_its_end(sandboxed: SandboxedWorker, zygote: Zygote, tmp_path: Path) -> None:
+    children = await sandboxed.ask("""
         import os, signal
         result = []
         try:
@@ -353,13 +355,13 @@ async def test_a_fork_bomb_and_its_end(caged: Caged, zygote: Zygote, tmp_path: P
             pass
     """)
     assert 1 <= len(children) <= 16
-    if AS_ROOT or caged.level == L3:  # counted for each worker alone
-        async with Caged(caged.level, tmp_path / "other", zygote=zygote) as other:
+    if AS_ROOT or sandboxed.level == L3:  # counted for each worker alone
+        async with SandboxedWorker(sandboxed.level, tmp_path / "other", zygote=zygote) as other:
             assert await other.ask("import subprocess\nresult = subprocess.run(['true']).returncode") == 0
-    tree = descendants(caged.launched.root_pid)
+    tree = descendants(sandboxed.launched.root_pid)
     assert len(tree) >= len(children)
-    caged.launched.kill()
-    assert await caged.launched.wait() == -signal.SIGKILL
+    sandboxed.launched.kill()
+    assert await sandboxed.launched.wait() == -signal.SIGKILL
     await wait_until_async(lambda: not any(alive(pid) for pid in tree))
 
 
@@ -379,8 +381,8 @@ def alive(pid: int) -> bool:
     return False
 
 
-async def test_a_process_that_leaves_its_group(caged: Caged) -> None:
-    left = await caged.ask("""
+async def test_a_process_that_leaves_its_group(sandboxed: SandboxedWorker) -> None:
+    left = await sandboxed.ask("""
         import os, signal
         reader, writer = os.pipe()
         pid = os.fork()
@@ -394,24 +396,24 @@ async def test_a_process_that_leaves_its_group(caged: Caged) -> None:
         os.close(writer)
         result = os.read(reader, 1) == b"x"
     """)
-    if caged.level == L2:
+    if sandboxed.level == L2:
         assert left is False
         return
     assert left is True
-    tree = descendants(caged.launched.root_pid)
+    tree = descendants(sandboxed.launched.root_pid)
     assert len(tree) == 2
-    caged.launched.kill()
-    await caged.launched.wait()
-    if caged.level == L3:
+    sandboxed.launched.kill()
+    await sandboxed.launched.wait()
+    if sandboxed.level == L3:
         await wait_until_async(lambda: not any(alive(child) for child in tree))
     else:  # L1 has nothing to find it by
-        leaver = next(child for child in tree if child != caged.launched.pid)
+        leaver = next(child for child in tree if child != sandboxed.launched.pid)
         assert alive(leaver)
         os.kill(leaver, signal.SIGKILL)
 
 
-async def test_a_full_disk_is_its_own(caged: Caged) -> None:
-    found = await caged.ask("""
+async def test_a_full_disk_is_its_own(sandboxed: SandboxedWorker) -> None:
+    found = await sandboxed.ask("""
         import errno, os
         def fill(name, most):
             written = 0
@@ -426,13 +428,13 @@ async def test_a_full_disk_is_its_own(caged: Caged) -> None:
     """)
     assert found[0] == [20 * MIB, ""]
     # at L3 all files together are bounded; elsewhere each one, and all are watched
-    assert found[1] == ([12 * MIB, "ENOSPC"] if caged.level == L3 else [32 * MIB, "EFBIG"])
-    if caged.level < L3:
-        assert caged.launched.usage().disk_bytes >= 52 * MIB
+    assert found[1] == ([12 * MIB, "ENOSPC"] if sandboxed.level == L3 else [32 * MIB, "EFBIG"])
+    if sandboxed.level < L3:
+        assert sandboxed.launched.usage().disk_bytes >= 52 * MIB
 
 
-async def test_many_files_and_open_ones(caged: Caged) -> None:
-    found = await caged.ask("""
+async def test_many_files_and_open_ones(sandboxed: SandboxedWorker) -> None:
+    found = await sandboxed.ask("""
         import errno, os
         held = []
         try:
@@ -448,8 +450,8 @@ async def test_many_files_and_open_ones(caged: Caged) -> None:
     assert found[1] == errno.errorcode[errno.EMFILE]
 
 
-async def test_what_a_function_needs_works(caged: Caged) -> None:
-    found = await caged.ask("""
+async def test_what_a_function_needs_works(sandboxed: SandboxedWorker) -> None:
+    found = await sandboxed.ask("""
         import asyncio, multiprocessing, ssl, subprocess, sys, tempfile, threading, uuid, zoneinfo
         async def a():
             await asyncio.sleep(0)

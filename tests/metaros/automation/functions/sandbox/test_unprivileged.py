@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from metaros.functions.program import shown_paths
-from metaros.functions.sandbox.level import Level
-from metaros.functions.sandbox.mounts import open_way
-from tests.support.caged import LEVELS
+from metaros.automation.functions.program import shown_paths
+from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.sandbox.mounts import open_way
+from tests.support.functions.sandboxed_worker import LEVELS
 
-ROOT = Path(__file__).resolve().parents[4]
+ROOT = Path(__file__).resolve().parents[5]
 USER = 65534
 pytestmark = pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="becoming another user needs root")
 
@@ -34,7 +34,7 @@ def test_levels_without_root(tmp_path: Path) -> None:
     os.chown(tmp_path, USER, USER)
     levels = [str(int(level)) for level in LEVELS]
     done = subprocess.run(
-        [sys.executable, "-m", "tests.support.plain_gateway", str(tmp_path), *levels],
+        [sys.executable, "-m", "tests.support.gateways.plain_gateway", str(tmp_path), *levels],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -1,0 +1,1 @@
+"""The nouns that the agent adds to the command `metaros`."""

@@ -1,0 +1,1 @@
+"""Detectors: each learns what is usual of many series, and scores what comes."""

@@ -1,0 +1,1 @@
+"""Routes of users, keys, sign-in, robots' identities and the audit log."""

@@ -1,0 +1,1 @@
+"""Routes of alerts, checks and what is watched."""

@@ -1,0 +1,1 @@
+"""Routes of rules, functions, hooks and the queue."""

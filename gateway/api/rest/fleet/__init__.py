@@ -1,0 +1,1 @@
+"""Routes of robots, commands, twins, nodes, rollouts."""

@@ -1,0 +1,1 @@
+"""Routes of stored messages, series, recordings and the store."""

@@ -1,0 +1,1 @@
+"""What functions there are, by AWS Lambda's operations."""

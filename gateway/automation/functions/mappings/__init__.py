@@ -1,0 +1,1 @@
+"""Event source mappings: topics of robots read in batches for a function."""

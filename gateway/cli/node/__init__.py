@@ -1,0 +1,1 @@
+"""What a gateway adds to `metaros node`: nodes of remote robots."""

@@ -1,0 +1,1 @@
+"""Replicates the state of every gateway's robots into the registries of all others."""

@@ -1,0 +1,1 @@
+"""Relays frames, graphs, goals and leases of robots that are linked to another gateway."""

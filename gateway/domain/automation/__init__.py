@@ -1,0 +1,1 @@
+"""Events, rules and calls of functions, as data."""

@@ -1,0 +1,1 @@
+"""Commands, twins, nodes and leases, as data."""

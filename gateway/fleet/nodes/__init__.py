@@ -1,0 +1,1 @@
+"""Robots' nodes: state, logs, parameters, verbs, and failover between robots."""

@@ -1,0 +1,1 @@
+"""Rollouts: a version brought to robots in waves."""

@@ -1,0 +1,1 @@
+"""Robots' ROS graphs: nodes, types, goals, and what clients serve in them."""

@@ -1,0 +1,1 @@
+"""Tables of users, keys, sessions, robots' identities and the audit log."""

@@ -1,0 +1,1 @@
+"""Tables of alerts and of what watches the robots."""

@@ -1,0 +1,1 @@
+"""Tables of events, rules, functions and the queue between them."""

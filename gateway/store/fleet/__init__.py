@@ -1,0 +1,1 @@
+"""Tables of commands, twins, rollouts, updates and recordings."""

@@ -1,0 +1,1 @@
+"""Messages and numeric series: how they are kept, compacted, found and read."""

@@ -1,0 +1,1 @@
+"""The composition of the gateway: one module a concern, all called by `gateway.py`."""

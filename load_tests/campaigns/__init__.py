@@ -1,0 +1,1 @@
+"""One module a campaign; `python -m load_tests.campaigns NAME` runs one."""

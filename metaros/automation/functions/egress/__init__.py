@@ -1,0 +1,1 @@
+"""The way out of a worker: a proxy, and the rules of where it may connect."""

@@ -1,0 +1,1 @@
+"""A node's time: simulated time, and rates to sleep by."""

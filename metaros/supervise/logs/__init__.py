@@ -1,0 +1,1 @@
+"""A process's output, kept in bounded files and read by page."""
