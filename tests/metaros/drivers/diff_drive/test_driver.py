@@ -48,8 +48,13 @@ class Rig:
     def rest(self) -> None:
         """Stand still, also by the odometry: no reading of it has two movements."""
         self.drive(0.0, 0.0, self.status)
-        seen = len(self.odometry)
-        wait_until(lambda: len(self.odometry) > seen + 1)
+        self.read_anew(self.odometry)
+
+    def read_anew(self, *topics: list[Any]) -> None:
+        """Until a reading is there that was asked for after now; what was read before may still be on its way."""
+        now_ns = self.driver.node.clock.wall_ns()
+        for messages in topics:  # the first answer after now may be to a question before
+            wait_until(lambda messages=messages: sum(stamp_ns(message) > now_ns for message in messages[-9:]) > 1)
 
     def moving(self) -> bool:
         return self.base.targets != (0, 0)
@@ -65,6 +70,12 @@ class Rig:
         pose = self.odometry[-1].pose.pose
         yaw = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
         return pose.position.x, pose.position.y, yaw
+
+
+def stamp_ns(message: Any) -> int:
+    """When the driver had what it says."""
+    stamp = (message.transforms[0] if isinstance(message, TFMessage) else message).header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 @contextmanager
@@ -95,8 +106,7 @@ def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, context: m
             made.rest()
         made.driver.leap(made.driver.node.parameters["watchdog"])
         wait_until(made.status)
-        seen = len(made.odometry)
-        wait_until(lambda: len(made.odometry) > seen + 3)
+        made.read_anew(made.odometry)
         x, y, heading = made.place()
         assert base.yaw > 2 * math.pi - 0.01
         assert math.dist((x, y), (base.x, base.y)) < 0.005
@@ -115,8 +125,7 @@ def test_transforms_and_joints_say_the_same(tmp_path: Path, context: metaros.Con
         made.drive(0.4, 0.0, lambda: joints and transforms and joints[-1].velocity[0] > 1)
         made.driver.leap(made.driver.node.parameters["watchdog"])
         wait_until(made.status)
-        seen = len(joints)
-        wait_until(lambda: len(joints) > seen + 3)
+        made.read_anew(joints, transforms)
         joint, (transform,) = joints[-1], transforms[-1].transforms
         assert list(joint.name) == ["left_wheel_joint", "right_wheel_joint"]
         assert joint.position[0] == pytest.approx(made.base.x / 0.05, abs=0.01)
