@@ -47,8 +47,7 @@ def test_values_come_again_after_garbage_and_unplugging(device: PtyDevice, conte
 
         device.unplug()
         wait_until(lambda: driver.state() in ("waiting", "opening"))
-        count = len(warm)
         device.replug()
-        assert received(driver, device, warm, b'{"t": 3}\n').data == 3.0
-        assert len(warm) > count
+        # Values of before may still be on their way.
+        wait_until(lambda: received(driver, device, warm, b'{"t": 3}\n').data == 3.0)
         wait_until(lambda: driver.state() == "working")
