@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, urlsplit
 
 import h11
 
-from gateway.automation.outbound.reach import address_of
+from gateway.outbound.reach import address_of
 
 __all__ = ["CLOUD_EVENT", "JSON", "Webhook", "post", "signature", "signing_key"]
 

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 from gateway.automation.functions.async_put import event_put
 from gateway.automation.functions.replays import Replayer
 from gateway.automation.functions.service import FunctionPorts, Functions
-from gateway.automation.outbound.aws import AwsDestinations
 from gateway.automation.queue.manager import QueueManager
 from gateway.automation.rules.service import Rules
 from gateway.automation.rules.target_deliveries import FunctionCall
@@ -25,6 +24,7 @@ from gateway.fleet.manager import FleetManager
 from gateway.history.recordings.manager import RecordingManager
 from gateway.identity.master import MasterKey
 from gateway.ops.meters import Families
+from gateway.outbound.aws import AwsDestinations
 from gateway.settings import Settings
 from gateway.store import Store
 from gateway.store.automation.deliveries import put

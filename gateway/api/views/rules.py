@@ -9,11 +9,11 @@ import orjson
 
 from gateway.api.views.robots import rfc3339
 from gateway.api.webhook_path import PREFIX
-from gateway.automation.outbound.webhook import Webhook
 from gateway.automation.rules.dry_run import DryRun
 from gateway.automation.rules.rule import Rule
 from gateway.domain.automation.gateway_event import WEBHOOK
 from gateway.domain.automation.rule import Hook, NextFire, RuleEntry, RuleStats, StoredRule
+from gateway.outbound.webhook import Webhook
 
 __all__ = ["document_view", "dry_run_view", "entry_view", "hook_view", "rule_view", "schedule_view"]
 

@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 
 import orjson
 
-from gateway.automation.outbound.webhook import signature, signing_key
 from gateway.automation.rules.errors import HookExistsError, HookRefusedError, UnknownHookError
 from gateway.automation.rules.event_intake import EventIntake
 from gateway.automation.rules.registry import Database
@@ -24,6 +23,7 @@ from gateway.domain.automation.rule import Hook
 from gateway.domain.fleet.command import new_command_id
 from gateway.domain.principal import Principal, in_scope
 from gateway.errors import BodyTooLargeError, InvalidRequestError, TooManyError, TooManyRequestsError
+from gateway.outbound.webhook import signature, signing_key
 from gateway.store.automation import hooks as table
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock

@@ -10,7 +10,7 @@ import boto3
 import pytest
 from moto import mock_aws
 
-from gateway.automation.outbound.aws import AwsDestinations
+from gateway.outbound.aws import AwsDestinations
 from tests.support.gateways.quick_boto import read_documents_once
 
 read_documents_once()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.automation.outbound.reach import UnreachableError, address_of, may_go
+from gateway.outbound.reach import UnreachableError, address_of, may_go
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import base64
 import ssl
 
 from gateway.alerting.alerts.notices.route import PRIVATE_HINT, Mailbox
-from gateway.automation.outbound.reach import address_of
+from gateway.outbound.reach import address_of
 
 __all__ = ["MailError", "send"]
 

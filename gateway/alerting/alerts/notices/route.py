@@ -6,10 +6,10 @@ import ssl
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gateway.automation.outbound.webhook import Webhook
 from gateway.domain.alert import Alert, rank
 from gateway.domain.automation.event import like
 from gateway.domain.finding import FindingSeverity
+from gateway.outbound.webhook import Webhook
 
 __all__ = ["PRIVATE_HINT", "Delivery", "Mailbox", "Route", "RouteState"]
 

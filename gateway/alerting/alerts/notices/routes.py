@@ -12,8 +12,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from gateway.alerting.alerts.notices.route import Mailbox, Route
-from gateway.automation.outbound.webhook import Webhook, signing_key
 from gateway.domain.finding import SEVERITIES
+from gateway.outbound.webhook import Webhook, signing_key
 from gateway.store.private_dir import others_can_read
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits

@@ -22,9 +22,9 @@ from gateway.alerting.alerts.notices.plan import LastNotice
 from gateway.alerting.alerts.notices.route import PRIVATE_HINT, Delivery, Route, RouteState
 from gateway.alerting.alerts.notices.route_queue import RouteQueue
 from gateway.alerting.alerts.store_sync import Database
-from gateway.automation.outbound.webhook import Webhook, post
 from gateway.domain.alert import Alert
 from gateway.errors import StoreError
+from gateway.outbound.webhook import Webhook, post
 from gateway.store.alerting.alerts import read_alerts
 from gateway.store.alerting.notices import keep_told, told_rows
 from gateway.store.engine import StoreEngine

@@ -9,11 +9,11 @@ from urllib.parse import urlsplit
 
 import h11
 
-from gateway.automation.outbound.webhook import JSON, Webhook, post, signing_key
 from gateway.automation.rules.secrets import Secrets, target_owner
 from gateway.automation.rules.targets.calls import Calls, RuleContext
 from gateway.domain.automation.delivery import Dead, Delivery, Done, Result, Retry
 from gateway.domain.automation.event import like
+from gateway.outbound.webhook import JSON, Webhook, post, signing_key
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 

@@ -11,7 +11,6 @@ from typing import Any
 import orjson
 import pytest
 
-from gateway.automation.outbound.webhook import signature, signing_key
 from gateway.automation.rules.secrets import Secrets, target_owner
 from gateway.automation.rules.targets.alert import AlertTarget
 from gateway.automation.rules.targets.aws import AwsTarget, MakeClient, aws_client
@@ -21,6 +20,7 @@ from gateway.domain.automation.delivery import Dead, Delivery, Done, Put, Result
 from gateway.domain.fleet.command import DONE, ISSUED, Command
 from gateway.domain.principal import Principal
 from gateway.errors import LeaseRequiredError
+from gateway.outbound.webhook import signature, signing_key
 from metaros.clock import ManualClock
 from tests.gateway.automation.rules.world import NOW, open_world
 from tests.support.servers.receivers import http_receiver

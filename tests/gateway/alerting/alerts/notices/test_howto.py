@@ -10,8 +10,8 @@ import orjson
 
 from gateway.alerting.alerts.notices.document import Notice, cloud_event
 from gateway.alerting.alerts.notices.routes import SMTP_KEYS, WEBHOOK_KEYS, load_routes
-from gateway.automation.outbound.webhook import signature
 from gateway.domain.alert import Alert
+from gateway.outbound.webhook import signature
 from tests.gateway.alerting.alerts.findings import NOW, S
 
 PAGE = (Path(__file__).resolve().parents[5] / "docs" / "howto" / "notify.md").read_text()

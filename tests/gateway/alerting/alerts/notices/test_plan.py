@@ -6,8 +6,8 @@ from typing import Any
 
 from gateway.alerting.alerts.notices.plan import NEVER, LastNotice, next_stage
 from gateway.alerting.alerts.notices.route import Route
-from gateway.automation.outbound.webhook import Webhook
 from gateway.domain.alert import Alert
+from gateway.outbound.webhook import Webhook
 from tests.gateway.alerting.alerts.findings import NOW, S
 
 ROUTE = Route(name="ops", to=Webhook(url="https://hooks.example.org/"))

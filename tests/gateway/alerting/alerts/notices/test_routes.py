@@ -10,7 +10,7 @@ import pytest
 
 from gateway.alerting.alerts.notices.route import Mailbox, Route
 from gateway.alerting.alerts.notices.routes import load_routes
-from gateway.automation.outbound.webhook import Webhook
+from gateway.outbound.webhook import Webhook
 from metaros.errors import ConfigError
 from tests.support.servers.certificates import make_certificate
 from tests.support.tables import refusal

@@ -18,7 +18,7 @@ from gateway.alerting.alerts.errors import UnknownRouteError
 from gateway.alerting.alerts.notices import service
 from gateway.alerting.alerts.notices.route import Mailbox, Route
 from gateway.alerting.alerts.notices.service import Notices, RouteState
-from gateway.automation.outbound.webhook import Webhook, signature
+from gateway.outbound.webhook import Webhook, signature
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.alerting.alerts.findings import NOW, S, cleared, edge, opened

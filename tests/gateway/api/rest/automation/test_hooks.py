@@ -8,8 +8,8 @@ from pathlib import Path
 import httpx
 
 from gateway.api.models import rules as models
-from gateway.automation.outbound.webhook import signature, signing_key
 from gateway.domain.principal import Role
+from gateway.outbound.webhook import signature, signing_key
 from metaros.clock import SystemClock
 from tests.gateway.harness import RING, client, running_gateway
 
