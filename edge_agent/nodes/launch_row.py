@@ -21,7 +21,7 @@ from metaros.supervise.restart_policy import Restart
 
 __all__ = ["LaunchContext", "as_json", "check_allowed", "launch_row"]
 
-CHILD: Final = ("-m", "metaros.cli.launch.child")
+CHILD: Final = ("-m", "metaros.cli.launch_child")  # in node tables on robots' disks: the name stays
 HEARTBEAT_S: Final = 2.0
 
 

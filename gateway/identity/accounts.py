@@ -84,7 +84,7 @@ class Accounts:
         return await self._store.run(lambda engine: follow_link(engine, token, now_ns=now_ns, address=address))
 
     async def sign_in_person(self, person: Person, *, robots: tuple[str, ...], address: str) -> SignedIn:
-        """Open a session for whom an identity provider has signed in, see `oidc_users`."""
+        """Open a session for whom an identity provider has signed in, see `gateway.identity.oidc.users`."""
         now_ns = self._clock.wall_ns()
         return await self._change(
             lambda engine: sign_in_person(engine, person, robots=robots, now_ns=now_ns, address=address)

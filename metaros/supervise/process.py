@@ -39,7 +39,7 @@ class Launch:
     cwd: Path | None = None
     policy: RestartPolicy = field(default_factory=RestartPolicy)
     log_bytes: int = 4 * 1024 * 1024
-    log_stamped: bool = False  # each line with its time and place: what `log_reader` pages through
+    log_stamped: bool = False  # each line with its time and place: what `metaros.supervise.logs.reader` pages through
     clean_up: tuple[str, ...] = ()  # run before the first start and after each end
     after: tuple[str, ...] = ()  # it starts when these are ready
     rest_for_one: bool = False  # it is started again when one of these was

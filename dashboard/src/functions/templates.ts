@@ -10,7 +10,7 @@ interface Template {
 const NONE_ACCOUNT = "000000000000";
 const seconds = (now: Date) => now.toISOString().replace(/\.\d+Z$/, "Z");
 
-/** EventBridge's shape, as gateway/domain/shapes.py has it. */
+/** EventBridge's shape, as gateway/domain/automation/shapes.py has it. */
 const event = (id: string, type: string, source: string, robot: string, now: Date, detail: object) => ({
   version: "0",
   id,

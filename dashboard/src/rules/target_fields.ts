@@ -1,4 +1,4 @@
-/** The table of what rules do: the fields of each kind of target, as gateway/rules/target_kinds.py has them. */
+/** The table of what rules do: the fields of each kind of target, as gateway/automation/rules/target_kinds.py has them. */
 
 import type { Json, JsonObject } from "../values/json";
 

@@ -1,4 +1,4 @@
-/** The kinds of what happens, offered while one types: the journal's, see gateway/events/kinds.py, and those of webhooks. */
+/** The kinds of what happens, offered while one types: the journal's, see gateway/automation/events/kinds.py, and those of webhooks. */
 
 export const TYPES = [
   "metaros.alert.opened",

@@ -34,7 +34,7 @@ class RelayedFrame:
             size, number = _HEAD.unpack_from(payload)
             robot = payload[_HEAD.size : _HEAD.size + size].decode()
         except (struct.error, UnicodeDecodeError) as error:
-            raise ProtocolError(f"a relayed of {len(payload)} bytes cannot be read") from error
+            raise ProtocolError(f"a relayed frame of {len(payload)} bytes cannot be read") from error
         return cls(robot, payload[_HEAD.size + size :], number)
 
 

@@ -1,6 +1,6 @@
 """A function's package as a node's bundle, to be signed and published like any other.
 
-    python -m metaros.automation.robot.bundle FOLDER_OR_ZIP --version 1.0.0 --out dock-1.0.0.zip
+    python -m metaros.robot_functions.bundle FOLDER_OR_ZIP --version 1.0.0 --out dock-1.0.0.zip
 
 The zip file is in it as it is, the very bytes that the gateway takes; a folder is packed first, always into the same
 bytes. The program that runs it is the robot's own.
@@ -18,14 +18,14 @@ from typing import Final
 
 from metaros.automation.functions.package import check_zip
 from metaros.automation.robot.manifest import FILE, RobotFunction, parse_function
-from metaros.automation.robot.program import BUNDLED, bundled
+from metaros.automation.robot.program import BUNDLED
 from metaros.errors import ConfigError, MetarosError
 from metaros.fleet.bundle import read_bundle, target_path
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["make_bundle", "pack_function"]
 
-ENTRY: Final = f"{bundled.__module__}:{bundled.__name__}"
+ENTRY: Final = "metaros.robot_functions.program:bundled"  # signed: robots of older and newer versions run it
 _SKIPPED: Final = ("__pycache__", ".git", ".venv", ".mypy_cache", ".ruff_cache", ".pytest_cache")
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)
 
@@ -80,7 +80,7 @@ def _described(data: bytes, limits: Limits) -> RobotFunction:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """0 where the bundle was made."""
-    parser = argparse.ArgumentParser(prog="python -m metaros.automation.robot.bundle", allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog="python -m metaros.robot_functions.bundle", allow_abbrev=False)
     parser.add_argument("package", type=Path, help="the function's folder or zip file")
     parser.add_argument("--version", required=True, help="two to four numbers: 1.2.0")
     parser.add_argument("--out", type=Path, required=True, help="the bundle's file")
@@ -92,7 +92,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     sys.stdout.write(f"{made}\n")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

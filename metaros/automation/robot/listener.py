@@ -33,7 +33,7 @@ from metaros.wire.graph import EndpointInfo
 
 __all__ = ["Listener"]
 
-LOG = logging.getLogger("metaros.automation.robot")
+LOG = logging.getLogger("metaros.robot_functions")
 AT_ONCE: Final = 256
 LOOK_S: Final = 0.5  # between two looks for publishers
 DEPTH: Final = 100

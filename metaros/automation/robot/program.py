@@ -1,6 +1,6 @@
 """The program that runs one function on its robot.
 
-python -m metaros.automation.robot --package FOLDER --state FOLDER --namespace /arm_1
+python -m metaros.robot_functions --package FOLDER --state FOLDER --namespace /arm_1
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from metaros.node.arguments import without_ros_args
 
 __all__ = ["Package", "bundled", "main", "open_package", "run_function"]
 
-LOG = logging.getLogger("metaros.automation.robot")
+LOG = logging.getLogger("metaros.robot_functions")
 BUNDLED: Final = "files/function.zip"  # where a bundle has the package; a node's folder is that of its bundle
 
 
@@ -157,7 +157,7 @@ def bundled() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m metaros.automation.robot", allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog="python -m metaros.robot_functions", allow_abbrev=False)
     parser.add_argument("--package", type=Path, required=True, help="the function's folder or zip file")
     parser.add_argument("--state", type=Path, help="where events wait; default ~/.metaros/functions/NAME")
     parser.add_argument("--robot", default="", help="the robot's id; default METAROS_ROBOT, else the namespace")

@@ -20,7 +20,7 @@ from metaros.wire import Durability, QoSProfile, Reliability
 
 __all__ = ["RESULTS", "Results"]
 
-LOG = logging.getLogger("metaros.automation.robot")
+LOG = logging.getLogger("metaros.robot_functions")
 RESULTS: Final = "functions/results"  # below the robot's namespace
 AT_ONCE: Final = 64
 HISTORY: Final = 256  # results that an agent that comes back is given again

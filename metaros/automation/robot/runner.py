@@ -22,7 +22,7 @@ from metaros.limits import LIMITS, Limits
 
 __all__ = ["ActionFunction", "Invoke", "Reader", "Rng", "Runner"]
 
-LOG = logging.getLogger("metaros.automation.robot")
+LOG = logging.getLogger("metaros.robot_functions")
 LOSSES: Final = 5  # ends of this program that an event may be at hand in; then it is dead, lest it be their cause
 BACKOFF_S: Final = (1.0, 300.0)
 THROTTLED_S: Final = 1.0

@@ -17,7 +17,7 @@ from metaros.supervise import Launch, LaunchTable, NodeRow
 __all__ = ["ALL_NODES", "PROGRAM", "Place", "check_exists", "launches", "node_names"]
 
 
-PROGRAM = (sys.executable, "-m", "metaros.cli.launch.child")
+PROGRAM = (sys.executable, "-m", "metaros.cli.launch_child")
 ALL_NODES = {"PYTHONUNBUFFERED": "1"}
 
 

@@ -86,7 +86,7 @@ def test_a_module_gets_name_namespace_and_parameters() -> None:
         wanted(allowed="m", parameters={"rate_hz": 5.0}), settings({"name": "m", "module": "my.node"}), PLACE
     )
     ros = ("--ros-args", "-r", "__node:=n", "-r", "__ns:=/r1", "-p", "rate_hz:=5.0")
-    assert row.argv == ("/py", "-m", "metaros.cli.launch.child", "module", "my.node", *ros)
+    assert row.argv == ("/py", "-m", "metaros.cli.launch_child", "module", "my.node", *ros)
     assert row.own_guard
 
 
@@ -147,7 +147,7 @@ LIDAR = {"name": "lidar", "driver": "ld19", "fixed": {"port": "/dev/ttyUSB0"}}
 
 def test_a_driver_runs_with_what_the_robot_fixes_and_what_comes_from_afar() -> None:
     row = launch_row(wanted(allowed="lidar", parameters={"bins": 100}), settings(LIDAR), PLACE)
-    assert row.argv[:5] == ("/py", "-m", "metaros.cli.launch.child", "driver", "ld19")
+    assert row.argv[:5] == ("/py", "-m", "metaros.cli.launch_child", "driver", "ld19")
     assert row.argv[-4:] == ("-p", "bins:=100", "-p", 'port:="/dev/ttyUSB0"')
     assert row.own_guard
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import zipfile
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from metaros.automation.functions.package import check_zip
 from metaros.automation.robot.bundle import main, make_bundle, pack_function
+from metaros.automation.robot.program import bundled
 from metaros.errors import ConfigError, PackageError
 from metaros.fleet.bundle import BundleError, read_bundle
 from tests.support.functions.robot_function import function_zip, write_function
@@ -28,7 +30,9 @@ def test_a_zip_file_goes_in_as_it_is(tmp_path: Path) -> None:
     made = make_bundle(tmp_path / "echo.zip", tmp_path / "bundle.zip", version="1.2.0")
     manifest = read_bundle(made)
     assert (manifest.name, manifest.kind, manifest.version) == ("echo", "node", "1.2.0")
-    assert manifest.entry == "metaros.automation.robot.program:bundled"
+    assert manifest.entry == "metaros.robot_functions.program:bundled"  # for ever: bundles are signed, and kept
+    module, _, function = manifest.entry.partition(":")
+    assert getattr(import_module(module), function) is bundled
     with zipfile.ZipFile(made) as archive:
         assert archive.read("files/function.zip") == data
 

@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kill -9 is POSI
 @contextmanager
 def program(package: Path, state: Path, router: str) -> Iterator[subprocess.Popen[bytes]]:
     """The real program; killed at the end, if it still runs."""
-    argv = [sys.executable, "-m", "metaros.automation.robot", "--package", str(package), "--state", str(state)]
+    argv = [sys.executable, "-m", "metaros.robot_functions", "--package", str(package), "--state", str(state)]
     environ = {**os.environ, "METAROS_ZENOH_PORT": router.rpartition(":")[2], "METAROS_ROBOT": "sim_1"}
     process = subprocess.Popen([*argv, "--namespace", "/sim_1", "--level", "L1"], env=environ)
     try:

@@ -246,7 +246,7 @@ def test_check_and_dry_run_start_nothing(tmp_path: Path) -> None:
     code, text = launch(path, "--dry-run", "--log-dir", str(tmp_path))
     assert code == 0
     assert "after    a" in text
-    assert "python -m metaros.cli.launch.child module pkg.a --ros-args -r __node:=b" in text
+    assert "python -m metaros.cli.launch_child module pkg.a --ros-args -r __node:=b" in text
 
 
 def test_wrong_commands_are_reported(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`python -m metaros.automation.robot`."""
+"""`python -m metaros.robot_functions`."""
 
 from __future__ import annotations
 

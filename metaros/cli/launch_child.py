@@ -1,4 +1,4 @@
-"""Run as `python -m metaros.cli.launch.child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
+"""Run as `python -m metaros.cli.launch_child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
 
 With `spare` alone it stands by until a line on its input tells which node to be. It asks by itself to die with the
 launcher, which saves the interpreter that the guard would cost, takes the `--ros-args` out of the command line for the
