@@ -78,11 +78,17 @@ class Screen:
             ("Data", _escape(str(plan.data_dir))),
             ("Logs", _escape(str(plan.log_dir))),
         )
-        self._print(f"\n  [bold green]Ready[/] [dim]in {took_s:.1f} s[/]\n")
-        for label, value in rows:
-            self._print(f"  [dim]{label:<{WIDTH}}[/]{value}")
-        self._print(f"\n  [dim]{'Try':<{WIDTH}}[/]{_suggestion(plan)}")
-        self._print(f"  [dim]{'Stop':<{WIDTH}}[/][bold]Ctrl-C[/]\n")
+        self._print(
+            # in one piece: a script that waits for "Ready" finds the addresses with it
+            "\n".join(
+                (
+                    f"\n  [bold green]Ready[/] [dim]in {took_s:.1f} s[/]\n",
+                    *(f"  [dim]{label:<{WIDTH}}[/]{value}" for label, value in rows),
+                    f"\n  [dim]{'Try':<{WIDTH}}[/]{_suggestion(plan)}",
+                    f"  [dim]{'Stop':<{WIDTH}}[/][bold]Ctrl-C[/]\n",
+                )
+            )
+        )
 
     def event(self, event: Event, *, ready: bool) -> None:
         """A process died, or is back: one line each."""

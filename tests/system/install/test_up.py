@@ -48,7 +48,8 @@ class Up:
         return self.log.read_text()
 
     def wait_ready(self) -> None:
-        wait_until(lambda: "Ready" in self.text or self.process.poll() is not None, timeout_s=START_S, every_s=0.1)
+        # the last line of the screen: the addresses above it are read at once
+        wait_until(lambda: "Ctrl-C" in self.text or self.process.poll() is not None, timeout_s=START_S, every_s=0.1)
         assert self.process.poll() is None, self.text
         self.children()
 
@@ -198,7 +199,6 @@ def credentials(folder: Path) -> Path:
 
 def check_signs_in(up: Up, keys: Path) -> str:
     """The printed link signs in once, and the command line has a key; the link's token."""
-    wait_until(lambda: "Ctrl-C" in up.text)
     link = re.search(r"Sign in +(http://127\.0\.0\.1:\d+)/signin#([0-9a-f]{64}) ", up.text)
     assert link is not None, up.text
     assert link[1] == up.state_url
