@@ -1,0 +1,1 @@
+"""Contexts, nodes and their endpoints."""

@@ -1,0 +1,1 @@
+"""Names, their rules, and the errors."""

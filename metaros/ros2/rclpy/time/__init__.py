@@ -1,0 +1,1 @@
+"""Times, clocks, timers and rates."""
