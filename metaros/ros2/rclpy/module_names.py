@@ -6,4 +6,19 @@ from typing import Final
 
 __all__ = ["HOMES"]
 
-HOMES: Final[dict[str, str]] = {}
+HOMES: Final[dict[str, str]] = {
+    "client": "core.client",
+    "context": "core.context",
+    "destroyable": "core.destroyable",
+    "handle": "core.handle",
+    "impl": "core.impl",
+    "impl.implementation_singleton": "core.implementation_singleton",
+    "node": "core.node",
+    "publisher": "core.publisher",
+    "service": "core.service",
+    "service_introspection": "core.service_introspection",
+    "signals": "core.signals",
+    "subscription": "core.subscription",
+    "utilities": "core.utilities",
+    "wait_for_message": "core.wait_for_message",
+}
