@@ -50,11 +50,13 @@ class NodeCore:
         self._lock = threading.Lock()
         session = self.context.session
         self.context.adopt(self)
-        self.token = NodeToken(session.domain, session.zid, session.next_id(), self.name, self.namespace)
+        names_ = self.name, self.namespace, arguments.enclave
+        self.token = NodeToken(session.domain, session.zid, session.next_id(), *names_)
         self._tokens: list[Any] = []  # filled without Python in between, as `Endpoint.announce` does
         self._tokens.extend(map(session.check_open().liveliness().declare_token, (str(self.token),)))
         self.graph.add_own(self.token)
         self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
+        self._logger.on_stderr = arguments.stdout_logs
         if arguments.log_level:
             self._logger.set_level(arguments.log_level)
 
@@ -67,9 +69,9 @@ class NodeCore:
         """The node's logger."""
         return self._logger
 
-    def resolve(self, name: str) -> str:
+    def resolve(self, name: str, *, service: bool = False) -> str:
         """The full name of a topic or service as this node means it: relative, `~/private`, `/absolute`; remapped."""
-        return self.arguments.remapped(names.resolve(name, self.namespace, self.name))
+        return self.arguments.remapped(names.resolve(name, self.namespace, self.name), service=service)
 
     # -- time ------------------------------------------------------------------------------------------------------
 

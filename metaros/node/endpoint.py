@@ -32,7 +32,7 @@ class Endpoint:
         self, node: NodeCore, kind: EndpointKind, name: str, type_name: str, type_hash: str, qos: QoSProfile
     ) -> None:
         self.node = node
-        self.topic = node.resolve(name)
+        self.topic = node.resolve(name, service=kind in ("SS", "SC"))
         self.type_name = type_name
         self.type_hash = type_hash
         self.qos = qos

@@ -21,6 +21,7 @@ class Logger:
     ) -> None:
         self.name = name
         self.level = LEVELS["INFO"]
+        self.on_stderr = True
         self._clock = clock
         self._publish = publish
         self._stream = stream
@@ -60,7 +61,8 @@ class Logger:
             return
         stamp_ns = self._clock.wall_ns()
         line = f"[{level}] [{stamp_ns / 1e9:.6f}] [{self.name}]: {text}"
-        print(line, file=self._stream or sys.stderr, flush=True)
+        if self.on_stderr:
+            print(line, file=self._stream or sys.stderr, flush=True)
         if self._publish is not None:
             frame: Any = sys._getframe(2)
             self._publish(

@@ -77,7 +77,7 @@ class Node(NodeCore):
         )
         use_sim_time = declare_sim_time(self.parameters, use_sim_time)
         super().__init__(arguments, context=context, use_sim_time=use_sim_time, nice=nice, critical=critical)
-        if enable_rosout:
+        if enable_rosout and arguments.rosout_logs:
             self._logger.publish_with(self._rosout())
         if enable_parameters:
             offer_parameters(self, self.parameters)
@@ -169,6 +169,25 @@ class Node(NodeCore):
     ) -> RawClient:
         """Call a service in CDR bytes."""
         return RawClient(self, service, type_name, type_hash, as_qos(qos))
+
+    # -- types of others -------------------------------------------------------------------------------------------
+
+    def fetch_interface(self, type_name: str, type_hash: str = "", *, timeout_s: float = 5.0) -> type[Any]:
+        """The class of a message, service or action by its name: the program's, else as a node of the graph tells it.
+
+        `type_hash` chooses where several are in use; of an action it is that of its X_SendGoal. Waits up to
+        `timeout_s` for somebody who uses the type, and for each that is asked, so not on the executor that would have
+        to answer. `UnknownTypeError` says whom it asked and what came.
+        """
+        from metaros.node.introspection import fetch_interface
+
+        return fetch_interface(self, type_name, type_hash, timeout_s=timeout_s)
+
+    async def fetch_interface_async(self, type_name: str, type_hash: str = "", *, timeout_s: float = 5.0) -> type[Any]:
+        """The same for coroutines."""
+        from metaros.node.introspection import fetch_interface_async
+
+        return await fetch_interface_async(self, type_name, type_hash, timeout_s=timeout_s)
 
     # -- parameters ------------------------------------------------------------------------------------------------
 

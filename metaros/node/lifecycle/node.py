@@ -103,7 +103,7 @@ class LifecycleNode(Node):
         **options: Any,
     ) -> Service:
         """As any node's; its callback can be watched by rules under the service's name."""
-        probed = callback if self._probes is None else self._probes.around(self.resolve(name), callback)
+        probed = callback if self._probes is None else self._probes.around(self.resolve(name, service=True), callback)
         return super().create_service(service_type, name, probed, qos, **options)
 
     def create_timer(self, period_s: float, callback: Callable[[], Any], **options: Any) -> Timer:

@@ -40,6 +40,27 @@ def test_the_first_rule_for_a_name_counts_and_the_last_value_of_a_parameter() ->
     assert node.parameters == {"k": 2}
 
 
+def test_rules_for_topics_or_services_alone() -> None:
+    line = "--ros-args -r rostopic://a:=b -r n:rosservice://a:=c -r m:rostopic://a:=d -r x:=y -r rosservice://x:=z"
+    node = parse_ros_args(words(line)).for_node("n", "/")
+    assert node.remaps == {"/a": "/b", "/x": "/y"}
+    assert node.service_remaps == {"/a": "/c", "/x": "/y"}
+    assert (node.remapped("/a"), node.remapped("/a", service=True)) == ("/b", "/c")
+
+
+def test_levels_by_logger_enclave_and_what_is_switched_off() -> None:
+    line = (
+        "--ros-args --log-level warn --log-level r.talker:=debug --log-level r:=error --enclave /lab/arm "
+        "--disable-rosout-logs --disable-stdout-logs --enable-stdout-logs --log-config-file f --log-file-name g"
+    )
+    args = parse_ros_args(words(line))
+    found = {(name, space): args.for_node(name, space).log_level for name in ("talker", "x") for space in ("/r", "/q")}
+    assert found == {("talker", "/r"): "DEBUG", ("x", "/r"): "ERROR", ("talker", "/q"): "WARN", ("x", "/q"): "WARN"}
+    assert args.level_of("r.talker.child") == "DEBUG"
+    node = args.for_node("x", "/")
+    assert (node.enclave, node.rosout_logs, node.stdout_logs) == ("/lab/arm", False, True)
+
+
 def test_files_and_values_in_the_order_given(tmp_path: Path) -> None:
     path = tmp_path / "p.yaml"
     path.write_text("/**:\n  ros__parameters: {k: 1, other: x}\n")
@@ -66,6 +87,9 @@ def test_the_rest_of_the_command_line() -> None:
         ("-r a:=b!", "a:=b!"),
         ("-p :=1", "name:=value"),
         ("--log-level loud", "DEBUG"),
+        ("--log-level :=info", "logger:=LEVEL"),
+        ("-e a!b", "--enclave 'a!b'"),
+        ("-r rostopic://:=b", "name:=value"),
         ("--unheard-of", "--unheard-of"),
     ],
 )
@@ -85,6 +109,22 @@ def test_a_node_obeys_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
         assert node.create_subscription(String, "/r/chatter", lambda message: None).topic == "/r/talk"
         assert node.declare_parameter("rate", 1) == 2
         assert node.get_logger().level == 30
+
+
+def test_a_node_is_in_its_enclave_and_says_nothing_where_that_was_asked(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from metaros.interfaces.std_srvs.srv import Trigger
+
+    line = "--ros-args -e lab --disable-stdout-logs --disable-rosout-logs -r rosservice://do:=done"
+    monkeypatch.setattr(sys, "argv", words(line))
+    with metaros.Context(connect=[]) as context, metaros.Node("talker", context=context) as node:
+        node.get_logger().info("not seen")
+        assert node.token.enclave == "/lab"
+        assert "%lab" in str(node.token)
+        assert context.graph.endpoints("/rosout", "MP") == []
+        assert node.create_client(Trigger, "do").topic == "/done"
+    assert capsys.readouterr().err == ""
 
 
 def test_what_a_program_passes_wins_over_the_command_line(monkeypatch: pytest.MonkeyPatch) -> None:
