@@ -18,7 +18,7 @@ from metaros.idl.definitions import (
     ServiceDefinition,
 )
 from metaros.idl.hashing import parse_hash, type_description, type_hash
-from metaros.idl.known import catalogue_of, remember
+from metaros.idl.known import catalogue_of, remember, remember_class
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.idl.schema import add_schema_text, definition_text, schema_text
 
@@ -54,6 +54,7 @@ __all__ = [
     "parse_srv",
     "release_catalogue",
     "remember",
+    "remember_class",
     "schema_text",
     "type_description",
     "type_hash",

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from metaros.errors import ConfigError, DefinitionError, UnknownTypeError
+from metaros.idl.class_shape import NATIVE, ClassShape
 from metaros.idl.definitions import Definition, MessageDefinition
 from metaros.idl.derived import derived_definitions, root_names, whole_message
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
@@ -28,10 +29,15 @@ T = TypeVar("T")
 
 
 def parse_definition(text: str, name: str) -> Definition:
-    """Parse `text` as what its full name says it is: "pkg/msg/N", "pkg/srv/N" or "pkg/action/N"."""
+    """Parse `text` as what its full name says it is: "pkg/msg/N", "pkg/srv/N" or "pkg/action/N".
+
+    A text without `---` under the name of a part, such as "pkg/action/N_Feedback", is that message.
+    """
     parts = name.split("/")
     if len(parts) != 3 or parts[1] not in _PARSERS:
         raise DefinitionError(f"{name!r} is no interface name: it must look like package/msg/Name")
+    if parts[1] != "msg" and any(root_names(name)) and not any(line.strip() == "---" for line in text.splitlines()):
+        return parse_msg(text, name)
     return _PARSERS[parts[1]](text, name)
 
 
@@ -39,8 +45,10 @@ class Catalogue:
     """Interfaces by full name. Thread-safe; a definition, once in, never changes.
 
     `base` is another catalogue to look in for what this one does not have; with None it starts empty.
-    Derived interfaces ("std_srvs/srv/Trigger_Request") are found under their own names.
+    Derived interfaces ("std_srvs/srv/Trigger_Request") are found under their own names. `shape` is that of its classes.
     """
+
+    shape: ClassShape = NATIVE
 
     def __init__(self, *, base: Catalogue | None = None) -> None:
         self._base = base

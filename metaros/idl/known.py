@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
+from typing import Any
 
 from metaros.errors import TypeHashError
 from metaros.idl.catalogue import Catalogue, default_catalogue
 from metaros.idl.hashing import type_hash
 from metaros.limits import LIMITS
 
-__all__ = ["catalogue_of", "remember"]
+__all__ = ["catalogue_of", "remember", "remember_class"]
 
 _lock = threading.Lock()
 _known: OrderedDict[tuple[str, str], Catalogue] = OrderedDict()
@@ -45,3 +46,15 @@ def remember(name: str, catalogue: Catalogue, *, hash_text: str = "") -> str:
         if len(_known) > LIMITS.type_cache:
             _known.popitem(last=False)
     return actual
+
+
+def remember_class(kind: type[Any], *parts: str) -> None:
+    """Let `catalogue_of` find what endpoints of a class use, so that peers can ask for it: it, or its `parts`.
+
+    A part is like "_SendGoal". Nothing happens to classes of the default catalogue, or of none.
+    """
+    catalogue: Catalogue | None = getattr(kind, "__metaros_catalogue__", None)
+    if catalogue is None or catalogue is default_catalogue():
+        return
+    for part in ("", *parts):
+        remember(kind.__metaros_name__ + part, catalogue)

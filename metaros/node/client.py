@@ -12,6 +12,7 @@ import zenoh
 
 from metaros.cdr import Codec, codec
 from metaros.errors import ClosedError, FieldError, UnavailableError, UsageError
+from metaros.idl import remember_class
 from metaros.node.call_futures import CallFuture, CallFutures
 from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint, as_qos
@@ -189,6 +190,7 @@ class Client(RawClient):
     def __init__(
         self, node: NodeCore, service: type[Any], name: str, *, request: Codec, response: Codec, qos: QoSProfile
     ) -> None:
+        remember_class(service)
         self._codecs = request, response
         self.service_type = service
         super().__init__(node, name, service.__metaros_name__, service.__metaros_hash__, qos)

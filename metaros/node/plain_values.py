@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from metaros.cdr import Codec, codec
 from metaros.errors import DecodeError, FieldError, UsageError
-from metaros.idl import message_class
+from metaros.idl import message_class, remember_class
 from metaros.node.core import NodeCore
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.publisher import Publisher
@@ -47,6 +47,7 @@ def value_codec_of(message_type: Any) -> ValueCodec:
     row = PLAIN.get(message_type) if isinstance(message_type, type) else None
     if row is None:
         _check(message_type)
+        remember_class(message_type)
         code = codec(message_type)
         return ValueCodec(code, code.encode, code.decode)
     return _plain(row)

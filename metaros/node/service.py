@@ -13,6 +13,7 @@ import zenoh
 from metaros.cdr import Codec
 from metaros.errors import MetarosError, PeerError
 from metaros.executor import CallbackGroup, Mailbox
+from metaros.idl import remember_class
 from metaros.limits import LIMITS
 from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint
@@ -104,6 +105,7 @@ class Responder(Endpoint):
         backlog: int = LIMITS.service_backlog,
         group: CallbackGroup | None = None,
     ) -> None:
+        remember_class(service)
         super().__init__(node, "SS", name, service.__metaros_name__, service.__metaros_hash__, qos)
         self._serve = serve
         self._decode, self.encode = request.decode, response.encode

@@ -8,7 +8,7 @@ from typing import Any, Final, TypedDict
 
 from metaros.cdr import Codec, codec
 from metaros.errors import UsageError
-from metaros.idl import Action, message_class
+from metaros.idl import Action, message_class, remember_class
 
 __all__ = ["ENDPOINTS", "ActionTypes", "id_of", "ns_of"]
 
@@ -38,6 +38,7 @@ class ActionTypes:
     def __post_init__(self) -> None:
         if not (isinstance(self.action, type) and issubclass(self.action, Action)):
             raise UsageError(f"{self.action!r} is no action class, such as example_interfaces.action.Fibonacci")
+        remember_class(self.action, "_SendGoal", "_GetResult", "_FeedbackMessage")
 
     def _own(self, part: str) -> type[Any]:
         return message_class(f"{self.action.__metaros_name__}_{part}", self.action.__metaros_catalogue__)

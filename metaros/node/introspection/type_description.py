@@ -12,7 +12,7 @@ from metaros.node.core import NodeCore
 from metaros.node.standard_services import StandardService, serve
 from metaros.wire import qos_services
 
-__all__ = ["SERVICE", "offer_type_description"]
+__all__ = ["SERVICE", "describe", "offer_type_description"]
 
 SERVICE: Final = StandardService(
     "get_type_description",
@@ -36,9 +36,14 @@ def _describe(request: Any, response: Any) -> None:
     if wanted and wanted != known:
         response.failure_reason = f"{name} is {known} here, not {wanted[:80]}"
         return
+    describe(name, catalogue, response, sources=request.include_type_sources)
+
+
+def describe(name: str, catalogue: Catalogue, response: Any, *, sources: bool = True) -> None:
+    """Fill in a response with what `catalogue` has of a type."""
     description = type_description(name, catalogue)
     response.type_description = _message(description, catalogue)
-    if request.include_type_sources:
+    if sources:
         parts = (description["type_description"], *description["referenced_type_descriptions"])
         response.type_sources = [_source(part["type_name"], catalogue) for part in parts]
     response.successful = True
