@@ -19,7 +19,15 @@ from metaros.errors import ConfigError, NameError_
 from metaros.idl import names
 from metaros.limits import LIMITS
 
-__all__ = ["NodeArguments", "RosArguments", "parse_ros_args", "process_arguments", "take_ros_args", "without_ros_args"]
+__all__ = [
+    "NodeArguments",
+    "RosArguments",
+    "UnknownFlagError",
+    "parse_ros_args",
+    "process_arguments",
+    "take_ros_args",
+    "without_ros_args",
+]
 
 _BEGIN: Final = "--ros-args"
 _END: Final = "--"
@@ -36,6 +44,15 @@ _SWITCHES: Final = {  # whether it switches off
 }
 _SCHEMES: Final = ("rostopic", "rosservice")
 _LEVELS: Final = ("DEBUG", "INFO", "WARN", "ERROR", "FATAL")
+
+
+class UnknownFlagError(ConfigError):
+    """A word after `--ros-args` that is none of the flags there are."""
+
+    def __init__(self, flag: str) -> None:
+        known = ", ".join((*_REMAP, *_PARAMETER, _FILE, _LEVEL, *_ENCLAVE, *_UNUSED, *_SWITCHES))
+        super().__init__(f"--ros-args: {flag!r} is not known here; there are {known}")
+        self.flag = flag
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +200,7 @@ def parse_ros_args(argv: Sequence[str]) -> RosArguments:
         elif flag in _SWITCHES:
             (off.add if _SWITCHES[flag] else off.discard)(flag.split("-", 3)[3])
         else:
-            known = ", ".join((*_REMAP, *_PARAMETER, _FILE, _LEVEL, *_ENCLAVE, *_UNUSED, *_SWITCHES))
-            raise ConfigError(f"--ros-args: {flag!r} is not known here; there are {known}")
+            raise UnknownFlagError(flag)
     if len(remaps) + len(parameters) + len(levels) > LIMITS.parameters_per_node:
         raise ConfigError(f"--ros-args: more than {LIMITS.parameters_per_node} rules")
     level = levels.pop("", "")

@@ -277,10 +277,10 @@ class Node(NodeCore):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _rosout(self) -> Callable[..., None]:
+    def _rosout(self, qos: QoSProfile = qos_rosout) -> Callable[..., None]:
         log = message_class("rcl_interfaces/msg/Log")
         time = message_class("builtin_interfaces/msg/Time")
-        publisher = Publisher(self, log, "/rosout", codec(log), qos_rosout)
+        publisher = Publisher(self, log, "/rosout", codec(log), qos)
 
         def publish(*, stamp_ns: int, **fields: Any) -> None:
             seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)

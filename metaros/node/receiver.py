@@ -26,7 +26,7 @@ class Receiver:
     """Checks, decodes and hands over samples; counts what was lost on the way and what could not be read.
 
     `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through
-    `report(about, text)`, the callback's own exceptions are logged. `dropped()` is how many samples were pushed out
+    `report(about, text)`, the callback's own exceptions are logged, unless `raises` lets them through. `dropped()` is how many samples were pushed out
     before they came here; a gap that they do not explain is reported to `on_lost(total, change, gid)`.
     """
 
@@ -41,6 +41,7 @@ class Receiver:
         report: Callable[[str, str], object],
         on_lost: Callable[[int, int, bytes], object],
         dropped: Callable[[], int],
+        raises: bool = False,
     ) -> None:
         self.lost = 0
         self.malformed = 0
@@ -53,10 +54,13 @@ class Receiver:
         self._callback = callback
         self._with_info = with_info
         self._clock = clock
+        self._accept: Callable[[MessageInfo], bool] | None = None
+        self._raises = raises
         self.handle, self._call_instead = self._handler(decode, callback, clock if with_info else None)
 
     def inspect(self, accept: Callable[[MessageInfo], bool]) -> None:
         """From now on let the callback have only what `accept(info)` takes. Without it nothing is asked."""
+        self._accept = accept
         callback, with_info = self._callback, self._with_info
 
         def inspected(message: Any, info: MessageInfo | None = None) -> Any:
@@ -68,11 +72,20 @@ class Receiver:
 
         self._call_instead(inspected, self._clock)
 
+    def replace(self, callback: Callable[..., Any], *, with_info: bool) -> None:
+        """Call this one from now on."""
+        self._callback, self._with_info = callback, with_info
+        if self._accept is None:
+            self._call_instead(callback, self._clock if with_info else None)
+        else:
+            self.inspect(self._accept)
+
     def _handler(
         self, decode: Callable[[bytes], Any], callback: Callable[..., Any], clock: Clock | None
-    ) -> tuple[Callable[[zenoh.Sample], Any], Callable[[Callable[..., Any], Clock], None]]:
+    ) -> tuple[Callable[[zenoh.Sample], Any], Callable[[Callable[..., Any], Clock | None], None]]:
         """The hot path as a closure, and how to give it another callback; everything unusual is left to methods."""
         expected, unpack, large = self._next, NEW.unpack, LIMITS.shared_memory_threshold_bytes
+        raises = self._raises
         newest, following = b"", 0  # the publisher heard last and the number it has next: most often the same again
 
         def handle(sample: zenoh.Sample) -> Any:
@@ -101,10 +114,12 @@ class Receiver:
                     return callback(message)
                 return callback(message, MessageInfo(source_ns, clock.wall_ns(), seq, gid))
             except Exception:
+                if raises:
+                    raise
                 _log.exception("the callback of %s failed", self._name)
                 return None
 
-        def call_instead(new_callback: Callable[..., Any], new_clock: Clock) -> None:
+        def call_instead(new_callback: Callable[..., Any], new_clock: Clock | None) -> None:
             nonlocal callback, clock
             callback = new_callback  # first: it does without the info that samples under way do not bring yet
             clock = new_clock

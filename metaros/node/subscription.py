@@ -38,7 +38,8 @@ class Subscription(Endpoint):
 
     `lost` counts samples that the publishers sent and that never arrived, `dropped` those that arrived and were
     pushed out by newer ones while callbacks were busy, `expired` those that outlived their lifespan, `malformed` those
-    that could not be read. `events` counts the rest.
+    that could not be read. `events` counts the rest. With `raises` what the callback raises goes to the executor,
+    where else it is logged.
     """
 
     events: SubscriptionMonitor
@@ -56,6 +57,7 @@ class Subscription(Endpoint):
         dedicated: bool,
         events: SubscriptionEvents | None = None,
         group: CallbackGroup | None = None,
+        raises: bool = False,
     ) -> None:
         super().__init__(node, "MS", topic, type_name, type_hash, qos)
         self.callback = callback
@@ -71,6 +73,7 @@ class Subscription(Endpoint):
             report=self.report_once,
             on_lost=self._report_lost,
             dropped=lambda: self.dropped,
+            raises=raises,
         )
         self._mailbox = Mailbox(
             self._receiver.handle,

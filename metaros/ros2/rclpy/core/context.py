@@ -11,10 +11,11 @@ from types import MethodType
 from typing import Any
 
 from metaros.errors import MetarosError, NameError_
+from metaros.node.arguments import RosArguments
 from metaros.node.context import Context as NativeContext
 from metaros.ros2.rclpy.core.destroyable import Destroyable
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, RCLError
-from metaros.ros2.rclpy.core.ros_arguments import Arguments, parse_arguments
+from metaros.ros2.rclpy.core.ros_arguments import parse_arguments
 from metaros.wire.keys import parse_domain
 from metaros.wire.session import domain_from
 
@@ -52,7 +53,7 @@ class Context:
         self._wakers: list[Callable[[], object]] = []
         self._nodes: list[weakref.ref[Any]] = []
         self._handle: ContextHandle | None = None
-        self._arguments: Arguments | None = None  # from init on
+        self._arguments: RosArguments | None = None  # from init on
         self._domain = 0
         self._over = False  # by a signal or by shutdown
         self._shut = False  # by shutdown
@@ -185,7 +186,7 @@ class Context:
         return self._handle
 
     @property
-    def arguments(self) -> Arguments:
+    def arguments(self) -> RosArguments:
         """What the command line says; RuntimeError before `init`."""
         if self._arguments is None:
             raise RuntimeError("Context must be initialized before it has arguments: call init() first")

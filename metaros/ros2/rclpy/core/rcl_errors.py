@@ -1,9 +1,14 @@
 """The errors that rclpy's C extension defines; some of `rclpy`'s own modules re-export them.
 
-They derive from what rclpy's derive from, so that `except RuntimeError` and `except ValueError` go on meaning the same.
+They derive from what rclpy's derive from, so that `except RuntimeError` goes on meaning the same, and from this
+library's errors where these mean the same.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+
+from metaros.errors import ClosedError, ConfigError, UnavailableError
 
 __all__ = [
     "InvalidHandle",
@@ -18,7 +23,7 @@ __all__ = [
 ]
 
 
-class InvalidHandle(RuntimeError):
+class InvalidHandle(ClosedError, RuntimeError):
     """The object behind a handle was destroyed: what was made on the node is no more usable."""
 
 
@@ -26,15 +31,19 @@ class RCLError(RuntimeError):
     """The middleware refused, or could not do it."""
 
 
-class RCLInvalidROSArgsError(RCLError):
+class RCLInvalidROSArgsError(RCLError, ConfigError):
     """What stands after `--ros-args` cannot be read."""
 
 
-class UnknownROSArgsError(RuntimeError):
-    """A word after `--ros-args` that nobody knows."""
+class UnknownROSArgsError(ConfigError, RuntimeError):
+    """There are words after `--ros-args` that nobody knows."""
+
+    def __init__(self, unknown: Sequence[str] = ()) -> None:
+        super().__init__(f"found unknown ROS arguments: {list(unknown)}")
+        self.unknown_ros_args = list(unknown)
 
 
-class NodeNameNonExistentError(RCLError):
+class NodeNameNonExistentError(RCLError, UnavailableError):
     """No node of that name is in the graph."""
 
 

@@ -7,8 +7,8 @@ import threading
 from collections.abc import Sequence
 from typing import Final
 
+from metaros.node.arguments import without_ros_args
 from metaros.ros2.rclpy.core.context import Context
-from metaros.ros2.rclpy.core.ros_arguments import remaining
 
 __all__ = [
     "get_available_rmw_implementations",
@@ -63,7 +63,7 @@ def remove_ros_args(args: Sequence[str] | None = None) -> list[str]:
     """A command line, or the process's, without what stands after `--ros-args`; RuntimeError where it is empty."""
     if args is not None and not args:
         raise RuntimeError("the command line is empty: it begins with the program's name, as sys.argv does")
-    return remaining(sys.argv if args is None else args)
+    return without_ros_args(sys.argv if args is None else args)
 
 
 def get_rmw_implementation_identifier() -> str:
