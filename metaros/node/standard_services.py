@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from metaros.cdr import Codec, codec
+from metaros.executor import CallbackGroup
 from metaros.idl import message_class
 from metaros.node.core import NodeCore
 from metaros.node.service import Service
@@ -40,7 +41,14 @@ class _LazyCodec:
         return codec(self._name).decode(data)
 
 
-def serve(node: NodeCore, service: StandardService, callback: Callable[[Any, Any], Any], qos: QoSProfile) -> Service:
+def serve(
+    node: NodeCore,
+    service: StandardService,
+    callback: Callable[[Any, Any], Any],
+    qos: QoSProfile,
+    *,
+    group: CallbackGroup | None = None,
+) -> Service:
     """Offer `<node>/<service>`, answered by `callback(request, response)` on the node's executor."""
     name = service.type_name
     service_type: Any = SimpleNamespace(
@@ -49,4 +57,6 @@ def serve(node: NodeCore, service: StandardService, callback: Callable[[Any, Any
         Response=lambda: message_class(f"{name}_Response")(),
     )
     request, response = (cast("Codec", _LazyCodec(f"{name}_{part}")) for part in ("Request", "Response"))
-    return Service(node, service_type, f"~/{service.name}", callback, request=request, response=response, qos=qos)
+    return Service(
+        node, service_type, f"~/{service.name}", callback, request=request, response=response, qos=qos, group=group
+    )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from metaros.node.parameters.descriptor import ParameterDescriptor, Range
 from metaros.node.parameters.node_parameters import NodeParameters
+from metaros.node.parameters.services import SERVICES as PARAMETER_SERVICES
 from metaros.node.parameters.services import offer_parameters
 from metaros.node.parameters.setup import declare_sim_time, make_parameters
 from metaros.node.parameters.store import ParameterStore
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from metaros.node.parameters.client import ParameterClient, SetResult
 
 __all__ = [
+    "PARAMETER_SERVICES",
     "NodeParameters",
     "ParameterClient",
     "ParameterDescriptor",

@@ -23,7 +23,7 @@ import yaml
 from metaros.errors import ConfigError, ParameterError
 from metaros.node.parameters.values import infer
 
-__all__ = ["dump_yaml", "load_file", "load_text", "parse_value"]
+__all__ = ["dump_yaml", "load_file", "load_text", "parse_value", "read_sections"]
 
 MARK: Final = "ros__parameters"
 _DEPTH: Final = 32
@@ -89,17 +89,24 @@ def load_file(path: str | Path, node: str, *, wildcards: bool = True) -> dict[st
 
 def load_text(text: str, node: str, *, wildcards: bool = True, source: str = "parameters") -> dict[str, Any]:
     """The same for the text of such a file."""
+    found: dict[str, Any] = {}
+    for pattern, parameters in _parts(text, source):
+        if pattern == node if not wildcards else _matches(pattern, node):
+            found.update(_flat(parameters, "", source, 0))
+    return found
+
+
+def read_sections(text: str, source: str = "parameters") -> list[tuple[str, dict[str, Any]]]:
+    """Every node name of the file, with a slash before it and wildcards in it, and the parameters that it is given."""
+    return [(pattern, dict(_flat(parameters, "", source, 0))) for pattern, parameters in _parts(text, source)]
+
+
+def _parts(text: str, source: str) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     try:
         tree = yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{source}: no YAML: {' '.join(str(error).split())}") from None
-    if tree is None:
-        return {}
-    found: dict[str, Any] = {}
-    for pattern, parameters in _sections(tree, "", source, 0):
-        if pattern == node if not wildcards else _matches(pattern, node):
-            found.update(_flat(parameters, "", source, 0))
-    return found
+    return iter(()) if tree is None else _sections(tree, "", source, 0)
 
 
 def _sections(tree: object, path: str, source: str, depth: int) -> Iterator[tuple[str, Mapping[Any, Any]]]:

@@ -11,7 +11,7 @@ from metaros.limits import LIMITS
 from metaros.node.parameters.descriptor import ParameterDescriptor
 from metaros.node.parameters.values import ParameterType, Value, kind_of
 
-__all__ = ["Change", "Entry", "Outcome", "ParameterStore"]
+__all__ = ["Change", "Entry", "Outcome", "ParameterStore", "groups_of", "is_listed"]
 
 SEPARATOR: Final = "."
 PreSet = Callable[[dict[str, Any]], Mapping[str, Any] | None]
@@ -150,9 +150,8 @@ class ParameterStore:
 
         As in ROS 2, levels are counted below each prefix, and a prefix that is a whole name stands for itself.
         """
-        names = [name for name in self._entries if _listed(name, prefixes, depth)]
-        groups = (name.rpartition(SEPARATOR)[0] for name in names)
-        return names, list(dict.fromkeys(filter(None, groups)))
+        names = [name for name in self._entries if is_listed(name, prefixes, depth)]
+        return names, groups_of(names)
 
     # -- setting ---------------------------------------------------------------------------------------------------
 
@@ -224,7 +223,13 @@ class ParameterStore:
         return Change("new" if entry is None else "changed", name, value, before, fresh.kind)
 
 
-def _listed(name: str, prefixes: Iterable[str], depth: int) -> bool:
+def groups_of(names: Iterable[str]) -> Names:
+    """The groups that parameters of these names are in."""
+    return list(dict.fromkeys(filter(None, (name.rpartition(SEPARATOR)[0] for name in names))))
+
+
+def is_listed(name: str, prefixes: Iterable[str], depth: int) -> bool:
+    """Whether a name is below one of the prefixes (all are without one) and at most `depth` levels deep (0: any)."""
     prefixes = tuple(prefixes)
     if not prefixes:
         return depth == 0 or name.count(SEPARATOR) < depth

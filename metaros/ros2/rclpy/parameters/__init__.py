@@ -1,1 +1,1 @@
-"""Parameters of nodes, and clients of them."""
+"""Parameters of nodes: declared and set here, or on another node; and what happens to them."""

@@ -1,0 +1,53 @@
+"""What happens to a node's parameters, on /parameter_events, as any node of this library tells it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from metaros.cdr import codec
+from metaros.errors import ClosedError
+from metaros.node.parameters.services import EVENT_HASH, EVENT_TYPE, EVENTS
+from metaros.node.publisher import RawPublisher
+from metaros.ros2.rclpy.parameters.conversion import to_wire
+from metaros.ros2.rclpy.parameters.value import Parameter
+from metaros.wire import qos_parameters
+
+__all__ = ["ParameterEvents"]
+
+Parameters = Sequence[Parameter[Any]]
+_SIM_TIME: Final = "use_sim_time"
+
+
+class ParameterEvents:
+    """Publishes the events of one node, stamped by its clock. The codec is compiled with the first event."""
+
+    def __init__(self, node: Any) -> None:
+        self._node = node.handle
+        self._clock = node.get_clock()
+        self.handle = RawPublisher(node.handle, EVENTS, EVENT_TYPE, EVENT_HASH, qos_parameters)
+
+    def publish(self, new: Parameters, changed: Parameters, deleted: Parameters) -> None:
+        """Tell what came, what has another value, and what went."""
+        if [parameter.name for parameter in new] == [_SIM_TIME] and not self._heard():
+            return  # every node declares it as it starts, which takes a while the first time
+        from metaros.interfaces.builtin_interfaces.msg import Time
+        from metaros.interfaces.rcl_interfaces.msg import ParameterEvent
+
+        seconds, nanoseconds = divmod(self._clock.now().nanoseconds, 1_000_000_000)
+        event = ParameterEvent(stamp=Time(sec=seconds, nanosec=nanoseconds), node=self._node.full_name)
+        event.new_parameters, event.changed_parameters = _messages(new), _messages(changed)
+        event.deleted_parameters = _messages(deleted)
+        try:
+            self.handle.publish(codec(EVENT_TYPE).encode(event))
+        except ClosedError:  # the parameters of a destroyed node are its own affair
+            return
+
+    def _heard(self) -> bool:
+        return bool(self._node.graph.endpoints(EVENTS, "MS"))
+
+
+def _messages(parameters: Parameters) -> list[Any]:
+    from metaros.interfaces.rcl_interfaces.msg import Parameter as Message
+
+    return [Message(name=parameter.name, value=to_wire(parameter)) for parameter in parameters]
