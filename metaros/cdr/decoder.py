@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from metaros.cdr.cursor import Cursor
-from metaros.cdr.layout import CODES, HEADER_BYTES, Order, size_of
+from metaros.cdr.layout import HEADER_BYTES, Order, size_of
 from metaros.cdr.layout import Position as Known
 from metaros.cdr.wide import decode_wide
 from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class
@@ -88,7 +88,7 @@ class _Decoder(Cursor):
             self.run.append("1x")
             self.advance(1)
         for field in definition.fields:
-            self.field(field, f"{target}.{field.attribute}")
+            self.field(field, f"{target}.{self.catalogue.shape.store(field)}")
 
     def field(self, field: Field, target: str) -> None:
         kind = field.type
@@ -108,7 +108,7 @@ class _Decoder(Cursor):
         elif kind.is_string:
             self.string(kind, target)
         else:
-            self.unpack(CODES[kind.base], size_of(kind.base), target)
+            self.unpack(self.code(kind.base), size_of(kind.base), target)
 
     def string(self, kind: FieldType, target: str) -> None:
         count = self.fresh("n")

@@ -7,15 +7,16 @@ reference encoder either cope or name the field.
 from __future__ import annotations
 
 import struct
+from array import array as array_type
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from metaros.cdr.layout import CODES, Position, size_of
+from metaros.cdr.layout import Position, size_of
 from metaros.cdr.source import Source
 from metaros.cdr.wide import encode_wide
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, Field, MessageDefinition
-from metaros.idl.arrays import DTYPES, as_array
+from metaros.idl.arrays import DTYPES, TYPE_CODES, as_view
 from metaros.lazy_import import LazyModule
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class _Encoder(Source):
             result = f"_join(({', '.join(self.parts)}))"
         if not self.needs_p:
             self.lines = [line for line in self.lines if not line.lstrip().startswith("p ")]
-        self.scope |= {"_as": as_array, "_join": b"".join, "_wide": encode_wide, "_bad": _bad}
+        self.scope |= {"_as": as_view, "_join": b"".join, "_wide": encode_wide, "_bad": _bad}
         head = ["def function(m):", "  try:"]
         if self.needs_p:
             head.append("    p = 0")
@@ -73,7 +74,7 @@ class _Encoder(Source):
         if not definition.fields:
             self.pad(1)
         for field in definition.fields:
-            self.field(field, f"{value}.{field.attribute}")
+            self.field(field, f"{value}.{self.catalogue.shape.store(field)}")
 
     def field(self, field: Field, value: str) -> None:
         kind = field.type
@@ -93,7 +94,7 @@ class _Encoder(Source):
         elif kind.is_string:
             self.string(value, wide=kind.base == "wstring", bound=kind.string_bound)
         else:
-            self.pack(CODES[kind.base], size_of(kind.base), value)
+            self.pack(self.code(kind.base), size_of(kind.base), value)
 
     def string(self, value: str, *, wide: bool, bound: int) -> None:
         text = self.fresh("t")
@@ -118,12 +119,22 @@ class _Encoder(Source):
         self.constant("_nd", np.ndarray)
         array = self.fresh("a")
         self.line(f"{array} = {value}")
-        self.line(f"if type({array}) is not _nd or {array}.dtype is not {dtype}: {array} = _as({array}, {kind.base!r})")
+        plain = f"if type({array}) is not _nd or {array}.dtype is not {dtype}: {array} = _as({array}, {kind.base!r})"
         if kind.array == "fixed":
+            self.line(plain)
             self.fixed_numbers(array, kind.capacity * size, size)
             return
         count = self.fresh("n")
-        self.line(f"{count} = {array}.size")
+        if self.catalogue.shape.arrays and kind.base != "bool":
+            self.constant("_array", array_type)
+            self.line(f"if type({array}) is _array and {array}.typecode == {TYPE_CODES[kind.base]!r}:")
+            self.line(f"    {count} = len({array})")
+            self.line("else:")
+            self.line(f"    {plain}")
+            self.line(f"    {count} = {array}.size")
+        else:
+            self.line(plain)
+            self.line(f"{count} = {array}.size")
         if kind.capacity:
             self.line(f"if {count} > {kind.capacity}: _bad()")
         self.pack("I", 4, count)

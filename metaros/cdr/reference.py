@@ -92,6 +92,8 @@ class ReferenceEncoder:
 
     def _scalar(self, base: str, value: Any, path: str) -> None:
         self._align(size_of(base))
+        if base == "byte" and isinstance(value, (bytes, bytearray)) and len(value) == 1:
+            value = value[0]  # as ROS 2 programs hold it
         try:
             self.body += struct.pack(self.order + CODES[base], value)
         except (struct.error, OverflowError, TypeError, ValueError) as error:

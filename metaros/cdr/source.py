@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from metaros.cdr.layout import Order, Position
+from metaros.cdr.layout import CODES, Order, Position
 from metaros.idl import Catalogue
 
 __all__ = ["Source"]
@@ -43,6 +43,10 @@ class Source:
         """Make `value` known to the function as `name`."""
         self.scope[name] = value
         return name
+
+    def code(self, base: str) -> str:
+        """The struct code of one primitive, as the classes of this catalogue hold it."""
+        return self.catalogue.shape.octet if base == "byte" else CODES[base]
 
     def struct_method(self, codes: str, method: str) -> str:
         """The name of `Struct(codes).method`, one constant for each format."""

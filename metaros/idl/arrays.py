@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:
     np = LazyModule("numpy")
 
-__all__ = ["DTYPES", "as_array", "same_values"]
+__all__ = ["DTYPES", "TYPE_CODES", "as_array", "as_view", "same_values"]
 
 _NUMPY_NAMES = {
     "bool": "bool",
@@ -26,7 +26,7 @@ _NUMPY_NAMES = {
     "float32": "float32",
     "float64": "float64",
 }
-_TYPE_CODES = dict(zip(_NUMPY_NAMES, "BBBbBhHiIqQfd", strict=True))
+TYPE_CODES: Final = dict(zip(_NUMPY_NAMES, "BBBbBhHiIqQfd", strict=True))  # of `array.array`
 
 
 class _Dtypes(Mapping[str, "np.dtype[Any]"]):
@@ -71,11 +71,21 @@ def as_array(value: Any, base: str) -> npt.NDArray[Any]:
     return _from_items(value, base, dtype)
 
 
+def as_view(value: Any, base: str) -> npt.NDArray[Any]:
+    """The same for who only reads at once: an `array.array` of the type is looked at, not copied."""
+    if type(value) is array and value.typecode == TYPE_CODES[base] and base != "bool" and len(value):
+        return np.frombuffer(value, DTYPES[base])
+    return as_array(value, base)
+
+
 def _from_items(value: Any, base: str, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     if isinstance(value, (str, dict)):
         raise FieldError(f"expected an array of {base}, got {type(value).__name__}")
     try:
-        items = array(_TYPE_CODES[base], value if isinstance(value, (list, tuple, array)) else list(value))
+        listed = value if isinstance(value, (list, tuple, array)) else list(value)
+        if base == "byte" and len(listed) and isinstance(listed[0], (bytes, bytearray)):
+            listed = [ord(item) for item in listed]  # as ROS 2 programs hold them
+        items = array(TYPE_CODES[base], listed)
     except (TypeError, ValueError, OverflowError) as error:
         raise FieldError(f"no array of {base}: {error}") from None
     found = np.frombuffer(items, np.uint8 if base == "bool" else dtype) if len(items) else np.empty(0, dtype)

@@ -57,6 +57,11 @@ class Catalogue:
         self._derived: dict[str, Definition] = {}
         self._made: dict[tuple[str, str], Any] = {}
 
+    @property
+    def definitions(self) -> Catalogue:
+        """Where its definitions are, with classes of the library's own shape: here."""
+        return self
+
     def get(self, name: str) -> Definition:
         """The definition of `name`, or `UnknownTypeError`."""
         definition = self._find(name)

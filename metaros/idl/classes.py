@@ -67,7 +67,7 @@ def message_class(name: str, catalogue: Catalogue | None = None) -> type[Any]:
     For a service it has `.Request`, `.Response` and `.Event`, for an action `.Goal`, `.Result` and `.Feedback`.
     """
     home = (catalogue or default_catalogue()).home(name)
-    return home.memo("class", name, lambda: _make(name, home))
+    return home.memo("class", name, lambda: (home.shape.make or _make)(name, home))
 
 
 def _make(name: str, catalogue: Catalogue) -> type[Any]:

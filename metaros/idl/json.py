@@ -58,7 +58,7 @@ def _plain(kind: FieldType, value: Any) -> Any:
     if kind.base == "bool":
         return bool(value)
     if kind.base in INTEGER_RANGES:
-        return int(value)
+        return value[0] if isinstance(value, bytes) else int(value)
     number = float(value)
     return number if math.isfinite(number) else None
 

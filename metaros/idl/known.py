@@ -41,7 +41,7 @@ def remember(name: str, catalogue: Catalogue, *, hash_text: str = "") -> str:
     if hash_text and actual != hash_text:
         raise TypeHashError(f"the definition of {name} has the hash {actual}, not {hash_text[:80]}")
     with _lock:
-        _known[name, actual] = catalogue
+        _known[name, actual] = catalogue.definitions
         _known.move_to_end((name, actual))
         if len(_known) > LIMITS.type_cache:
             _known.popitem(last=False)
@@ -54,7 +54,7 @@ def remember_class(kind: type[Any], *parts: str) -> None:
     A part is like "_SendGoal". Nothing happens to classes of the default catalogue, or of none.
     """
     catalogue: Catalogue | None = getattr(kind, "__metaros_catalogue__", None)
-    if catalogue is None or catalogue is default_catalogue():
+    if catalogue is None or catalogue.definitions is default_catalogue():
         return
     for part in ("", *parts):
-        remember(kind.__metaros_name__ + part, catalogue)
+        remember(kind.__metaros_name__ + part, catalogue.definitions)

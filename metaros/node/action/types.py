@@ -43,6 +43,10 @@ class ActionTypes:
     def _own(self, part: str) -> type[Any]:
         return message_class(f"{self.action.__metaros_name__}_{part}", self.action.__metaros_catalogue__)
 
+    def _shared(self, name: str) -> type[Any]:
+        """What all actions have in common, of the same shape as this action's own classes."""
+        return message_class(name, self.action.__metaros_catalogue__)
+
     @cached_property
     def send_goal(self) -> type[Any]:
         """The service that brings goals."""
@@ -51,7 +55,7 @@ class ActionTypes:
     @cached_property
     def cancel_goal(self) -> type[Any]:
         """The service that cancels them."""
-        return message_class("action_msgs/srv/CancelGoal")
+        return self._shared("action_msgs/srv/CancelGoal")
 
     @cached_property
     def get_result(self) -> type[Any]:
@@ -66,27 +70,27 @@ class ActionTypes:
     @cached_property
     def status(self) -> type[Any]:
         """The message of the status topic."""
-        return message_class("action_msgs/msg/GoalStatusArray")
+        return self._shared("action_msgs/msg/GoalStatusArray")
 
     @cached_property
     def goal_status(self) -> type[Any]:
         """One entry of it."""
-        return message_class("action_msgs/msg/GoalStatus")
+        return self._shared("action_msgs/msg/GoalStatus")
 
     @cached_property
     def goal_info(self) -> type[Any]:
         """A goal's id and stamp."""
-        return message_class("action_msgs/msg/GoalInfo")
+        return self._shared("action_msgs/msg/GoalInfo")
 
     @cached_property
     def uuid(self) -> type[Any]:
         """A goal's id."""
-        return message_class("unique_identifier_msgs/msg/UUID")
+        return self._shared("unique_identifier_msgs/msg/UUID")
 
     @cached_property
     def time(self) -> type[Any]:
         """A stamp."""
-        return message_class("builtin_interfaces/msg/Time")
+        return self._shared("builtin_interfaces/msg/Time")
 
     def stamp(self, ns: int) -> Any:
         """Nanoseconds since the epoch as a Time."""
