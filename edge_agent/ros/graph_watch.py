@@ -8,7 +8,7 @@ from edge_agent.forwarding.scope import Scope
 from edge_agent.link.handler import SendFrame
 from edge_agent.ros.graph_report import GraphReporter
 from edge_agent.ros.graph_snapshot import GraphSnapshot, take_snapshot
-from edge_agent.ros.types import ServiceTypeDiscovery
+from edge_agent.ros.types import GraphTypeDiscovery
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
 from metaros.node import Node
@@ -29,7 +29,7 @@ class GraphWatch:
         self._linked = asyncio.Event()
         self._send_frame: SendFrame | None = None
         self._reporter = GraphReporter(limits=limits)
-        self._types = ServiceTypeDiscovery(node, self._changed.set, limits=limits)
+        self._types = GraphTypeDiscovery(node, self._changed.set, limits=limits)
         self._unwatch = node.graph.on_change(self._on_change)
 
     def link(self, send: SendFrame | None) -> None:

@@ -1,4 +1,7 @@
-"""Discovery of custom service types: asked of the robot's nodes, sent to the gateway with the graph."""
+"""Discovery of custom types of services, actions and subscriptions: asked of nodes, sent to the gateway with the graph.
+
+Topics that somebody publishes have their types with their channels; what is only listened to has it here.
+"""
 
 from __future__ import annotations
 
@@ -10,22 +13,24 @@ from typing import Final
 from edge_agent.ros.graph_snapshot import GraphEndpoint
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
-from metaros.idl import Catalogue, MessageDefinition, catalogue_of, default_catalogue, definition_text
+from metaros.idl import Catalogue, catalogue_of, default_catalogue, definition_text
 from metaros.idl.derived import root_names
 from metaros.limits import LIMITS, Limits
 from metaros.link.parse_cost import parse_cost
 from metaros.node import Node
 from metaros.node.introspection import fetch_type_async
+from metaros.wire.names import NO_HASH
 
-__all__ = ["ServiceTypeDiscovery", "type_text"]
+__all__ = ["GraphTypeDiscovery", "type_text"]
 
 LOG = logging.getLogger("metaros.agent.types")
 PAUSES_S: Final = (0.0, 5.0, 30.0)  # before each try: a node that has just started may not answer yet
 AT_ONCE: Final = 4
+SEND_GOAL: Final = "_SendGoal"  # an action goes by the name and hash of this service of it
 Key = tuple[str, str]
 
 
-class ServiceTypeDiscovery:
+class GraphTypeDiscovery:
     """`texts` grows as nodes answer; `learned` is called then. On the event loop."""
 
     def __init__(self, node: Node, learned: Callable[[], None], *, limits: Limits = LIMITS) -> None:
@@ -43,15 +48,11 @@ class ServiceTypeDiscovery:
         return self._texts
 
     def look(self, endpoints: Iterable[GraphEndpoint]) -> None:
-        """See to it that the types of these services become known; each is asked for once."""
+        """See to it that the types of these become known; each is asked for once."""
         shipped = default_catalogue()
         for endpoint in endpoints:
             key = (endpoint.type_name, endpoint.type_hash)
-            new = (
-                endpoint.kind == link_pb2.ENDPOINT_KIND_SERVER
-                and "/srv/" in endpoint.type_name
-                and key not in self._asked
-            )
+            new = _matters(endpoint) and key not in self._asked
             if not new or catalogue_of(*key) is shipped or len(self._asked) >= self._limits.graph_types:
                 continue
             self._asked.add(key)
@@ -81,16 +82,24 @@ class ServiceTypeDiscovery:
                 return
             reason = "its definition is too large"
             break
-        LOG.warning("services of type %s can only be called remotely in CDR: %s", key[0], reason)
+        LOG.warning("what is of type %s can only be used remotely in CDR: %s", key[0].removesuffix(SEND_GOAL), reason)
+
+
+def _matters(endpoint: GraphEndpoint) -> bool:
+    """Whether clients of a gateway send what is of that type: requests, goals, and messages that somebody hears."""
+    name = endpoint.type_name
+    if endpoint.kind == link_pb2.ENDPOINT_KIND_SERVER:
+        return "/srv/" in name or ("/action/" in name and name.endswith(SEND_GOAL))
+    return endpoint.kind == link_pb2.ENDPOINT_KIND_SUBSCRIPTION and "/msg/" in name and endpoint.type_hash != NO_HASH
 
 
 def type_text(key: Key, catalogue: Catalogue) -> link_pb2.TypeText:
-    """A type with its parts, but for those that everybody has."""
-    shipped = default_catalogue()
+    """A type with its parts, but for those that everybody has; of an action all of it."""
+    shipped, root = default_catalogue(), key[0].removesuffix(SEND_GOAL)
     text = link_pb2.TypeText(type_name=key[0], type_hash=key[1])
-    for name in (key[0], *catalogue.dependencies(key[0])):
+    for name in (root, *catalogue.dependencies(root)):
         definition = catalogue.get(name)
-        derived = isinstance(definition, MessageDefinition) and any(root in catalogue for root in root_names(name))
+        derived = any(whole in catalogue for whole in root_names(name))
         if derived or (name in shipped and shipped.get(name) == definition):
             continue
         text.parts.add(name=name, text=definition_text(definition))

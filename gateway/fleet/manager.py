@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any
 
@@ -12,13 +12,13 @@ from gateway.errors import InvalidRequestError
 from gateway.fleet.command_dispatcher import CommandDispatcher
 from gateway.fleet.robots import FindRobot, require_online
 from gateway.fleet.ros.errors import UnknownServiceError
-from gateway.fleet.ros.graph import RobotGraph
+from gateway.fleet.ros.graph import Endpoint, RobotGraph
 from gateway.fleet.ros.typed import LARGE_BYTES, catalogue_for, decode, encode, is_large
 from gateway.fleet.ros.types import TypeRegistry, full_type_name
 from gateway.fleet.talk import TALK_TOPICS
 from metaros._proto import link_pb2
 from metaros.clock import Clock
-from metaros.idl import names, type_hash
+from metaros.idl import Catalogue, default_catalogue, names, type_hash
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
@@ -101,17 +101,26 @@ class FleetManager:
         full = names.resolve(topic, view.robot.namespace)
         self.check_lease(robot_id, full, lease_id)
         channel = view.channel_of(full)
-        if not type_name and channel is None:
+        heard = self._graph_of(robot_id).subscribers.get(full, ())
+        if not type_name and channel is None and not heard:
             raise InvalidRequestError(f"type is missing, and robot {robot_id} announces no topic {full}")
-        name = full_type_name(type_name or (channel.schema_name if channel else ""), "msg")
+        name = full_type_name(type_name or (channel.schema_name if channel else heard[0].type_name), "msg")
+        known = self._as_heard(robot_id, name, heard)
         if cdr is not None:
-            payload, type_hash = cdr, self._types.hash_of(name, channel)
+            payload, type_hash = cdr, self._types.hash_of(name, channel, known)
         elif is_large(message):
-            payload, type_hash = await asyncio.to_thread(self._types.encode, name, message, channel)
+            payload, type_hash = await asyncio.to_thread(self._types.encode, name, message, channel, known)
         else:
-            payload, type_hash = self._types.encode(name, message, channel)
+            payload, type_hash = self._types.encode(name, message, channel, known)
         publish = link_pb2.PublishMessage(topic=full, type_name=name, type_hash=type_hash, payload=payload)
         return link_pb2.Command(publish=publish, lease_id=lease_id)
+
+    def _as_heard(self, robot_id: str, name: str, heard: Sequence[Endpoint]) -> Catalogue | None:
+        """Where a message is defined as the robot's subscriptions have it, or its nodes; None where nobody told."""
+        graph = self._graph_of(robot_id)
+        hashes = [end.type_hash for end in heard if end.type_name == name]
+        found = graph.catalogue_of(name, hashes[0]) if hashes else None
+        return found if found is not None or name in default_catalogue() else graph.told(name)
 
     def is_actuator(self, robot_id: str, name: str) -> bool:
         """Whether a topic or service of the robot moves it, as far as the gateway's own settings say."""

@@ -2352,7 +2352,7 @@ export interface Operations {
   "GET /robots/{robot_id}/twin": { path: { robot_id: string }; query: None; body: undefined; answer: Twin };
   /** Who changed what, when and why; the newest first, at most 100 are kept. */
   "GET /robots/{robot_id}/twin/history": { path: { robot_id: string }; query: { limit?: number }; body: undefined; answer: TwinHistory };
-  /** What a type is made of: as the robot announced it with a topic, else as the library ships it. */
+  /** What a type is made of: as the robot announced it with a topic or told it, else as the library ships it. */
   "GET /robots/{robot_id}/types/{package}/{kind}/{name}": { path: { robot_id: string; package: string; kind: string; name: string }; query: None; body: undefined; answer: TypeShape };
   /** The robot's byte budget, as its agent said last. */
   "GET /robots/{robot_id}/uplink": { path: { robot_id: string }; query: None; body: undefined; answer: Uplink };

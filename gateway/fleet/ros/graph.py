@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from metaros.errors import MetarosError
 from metaros.idl import Catalogue, schema_text
 from metaros.idl.known import catalogue_of
 
 __all__ = ["ActionInfo", "Endpoint", "RobotGraph", "ServiceInfo"]
+
+SEND_GOAL: Final = "_SendGoal"  # a robot tells an action under the name and hash of this service of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +69,20 @@ class RobotGraph:
         found = self.types.get((type_name, type_hash))
         return found if found is not None else catalogue_of(type_name, type_hash)
 
+    def told(self, type_name: str) -> Catalogue | None:
+        """Where a message, service or action is defined as the robot's nodes told it last; None where they did not."""
+        named = f"{type_name}{SEND_GOAL}" if "/action/" in type_name and SEND_GOAL not in type_name else type_name
+        return next((self.types[key] for key in reversed(list(self.types)) if key[0] == named), None)
+
     def schema(self, type_name: str, type_hash: str = "") -> str:
-        """The ros2msg text of a message, or of a part such as `X_Request` (with X's hash); "" where it is not known."""
+        """The ros2msg text of a message, or of a part such as `X_Request` (with X's hash); "" where it is not known.
+
+        The hash that goes with parts of an action, such as `X_Goal`, is that of `X_SendGoal`.
+        """
         root, _, part = type_name.rpartition("_")
-        whole = root if part in ("Request", "Response", "Goal", "Result", "Feedback") else type_name
+        whole = root if part in ("Request", "Response") else type_name
+        if part in ("Goal", "Result", "Feedback"):
+            whole = f"{root}{SEND_GOAL}"
         catalogue = self.catalogue_of(whole, type_hash)
         try:
             return schema_text(type_name, catalogue) if catalogue is not None else ""

@@ -38,13 +38,17 @@ def is_large(value: Any) -> bool:
 
 
 def catalogue_for(graph: RobotGraph, name: str, type_hash: str) -> Catalogue:
-    """Where a service or a part of an action is defined as the robot has it; without a hash, as everybody has it.
+    """Where a type, or a part of an action, is defined as the robot has it.
+
+    Without a hash it is as everybody has it, else as some node of the robot tells it.
 
     Raises:
         TypeHashError: the robot has other fields under that name, and nobody told which.
         UnknownTypeError: nobody knows it.
     """
     found = graph.catalogue_of(name, type_hash)
+    if found is None and not type_hash:
+        found = graph.told(name)
     if found is not None:
         return found
     if name in default_catalogue():

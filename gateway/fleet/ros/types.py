@@ -35,37 +35,42 @@ class TypeRegistry:
     def __init__(self) -> None:
         self._learned: dict[tuple[str, str], Catalogue] = {}
 
-    def encode(self, name: str, value: Any, channel: Channel | None = None) -> tuple[bytes, str]:
-        """(CDR, type hash) of a JSON-able message; FieldError names what does not fit."""
-        catalogue = self._catalogue(name, channel)
+    def encode(
+        self, name: str, value: Any, channel: Channel | None = None, known: Catalogue | None = None
+    ) -> tuple[bytes, str]:
+        """(CDR, type hash) of a JSON-able message; FieldError names what does not fit.
+
+        `known` is where the type is defined if no channel says so.
+        """
+        catalogue = self._catalogue(name, channel, known)
         check_size(name, catalogue)
         if least_bytes(name, catalogue) > LIMITS.frame_bytes:  # a robot may announce what it likes
             raise InvalidRequestError(f"every message of type {name[:80]} is too large to be sent")
         payload = codec(name, catalogue).encode(from_json(message_class(name, catalogue), value))
         if len(payload) > LIMITS.frame_bytes // 2:
             raise InvalidRequestError(f"the message has {len(payload)} bytes, at most {LIMITS.frame_bytes // 2} may go")
-        return payload, self.hash_of(name, channel)
+        return payload, self.hash_of(name, channel, known)
 
     def decode(self, name: str, payload: bytes) -> Any:
         """A message as JSON-able values."""
         return to_json(codec(name, default_catalogue()).decode(payload))
 
-    def hash_of(self, name: str, channel: Channel | None = None) -> str:
+    def hash_of(self, name: str, channel: Channel | None = None, known: Catalogue | None = None) -> str:
         """The type's hash; TypeHashError when the robot announced another one for that name."""
-        mine = type_hash(name, self._catalogue(name, channel))
+        mine = type_hash(name, self._catalogue(name, channel, known))
         if channel is not None and channel.schema_name == name and channel.type_hash not in ("", mine):
             raise TypeHashError(f"the robot's {name} has hash {channel.type_hash}, ours {mine}: their fields differ")
         return mine
 
-    def shape(self, name: str, channel: Channel | None = None) -> dict[str, Any]:
+    def shape(self, name: str, channel: Channel | None = None, known: Catalogue | None = None) -> dict[str, Any]:
         """What a type is made of, see `shape_of`."""
-        return shape_of(name, self._catalogue(name, channel))
+        return shape_of(name, self._catalogue(name, channel, known))
 
-    def _catalogue(self, name: str, channel: Channel | None) -> Catalogue:
+    def _catalogue(self, name: str, channel: Channel | None, known: Catalogue | None) -> Catalogue:
         shipped = default_catalogue()
         announced = channel is not None and channel.schema_name == name and channel.schema_encoding == "ros2msg"
         if channel is None or not announced or (name in shipped and type_hash(name, shipped) == channel.type_hash):
-            return shipped
+            return shipped if announced or known is None else known
         key = (name, channel.type_hash)
         catalogue = self._learned.get(key)
         if catalogue is None:

@@ -102,7 +102,7 @@ async def test_a_service_is_called_by_its_name_alone(robot: Robot) -> None:
         assert command.call_service.type_hash == ADD.__metaros_hash__
 
 
-async def test_a_service_of_a_type_that_only_its_node_knows_is_called_in_json(
+async def test_types_that_only_a_node_knows_are_called_sent_as_goals_and_published_in_json(
     robot: Robot, zenoh_router: str, tmp_path: Path
 ) -> None:
     async with ros_pair(robot.context) as pair:
@@ -125,6 +125,31 @@ async def test_a_service_of_a_type_that_only_its_node_knows_is_called_in_json(
                 "done": True,
                 "angle": 1.5,
             }
+
+            await wait_until_async(lambda: gateway.ros.graphs.of(ROBOT).told("far_robot/action/Reach") is not None)
+            joints = [{"angle": 1.0, "name": "a"}, {"angle": 2.0, "name": "b"}]
+            goal = await gateway.ros.goals.send(ROBOT, "reach", goal={"path": joints}, timeout_s=60)
+            events = await all_of(goal)
+            assert (goal.type_name, events[-1].status, events[-1].value) == (
+                "far_robot/action/Reach",
+                "succeeded",
+                {"error": 1.0},
+            )
+            assert [event.value["now"]["name"] for event in events if event.kind == "feedback"][-1] == "b"
+            graph = gateway.ros.graphs.of(ROBOT)
+            hash_text = graph.actions["/sim_1/reach"].type_hash
+            assert graph.schema("far_robot/action/Reach_Goal", hash_text).startswith("uint8 FAST=2\n")
+
+            await wait_until_async(lambda: gateway.ros.graphs.of(ROBOT).told("far_robot/msg/Squeeze") is not None)
+            heard: list[str] = []
+            robot.node.create_subscription(str, "squeezed", heard.append, metaros.qos_transient_local, dedicated=True)
+            publish = (await gateway.fleet.publishing(ROBOT, "squeeze", message={"joint": {"name": "x"}})).publish
+            assert publish.type_name == "far_robot/msg/Squeeze"
+            raw = pair.node.create_raw_publisher(publish.topic, publish.type_name, publish.type_hash)
+            with closing(raw):
+                await wait_until_async(lambda: raw.events.matched == 1)
+                await wait_until_async(lambda: (raw.publish(publish.payload), heard)[1])
+            assert heard[0] == "x 5"
 
 
 async def test_a_goal_is_followed_from_feedback_to_its_result(robot: Robot) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from edge_agent.ros import types
 from edge_agent.ros.graph_snapshot import GraphEndpoint
-from edge_agent.ros.types import ServiceTypeDiscovery
+from edge_agent.ros.types import GraphTypeDiscovery
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue, default_catalogue, parse_definition
 from metaros.node import Node
@@ -30,7 +30,7 @@ async def test_a_type_is_learned_unless_it_is_too_large(
         return catalogue(int(name.removeprefix("p/srv/Fields")))
 
     monkeypatch.setattr(types, "fetch_type_async", fetch)
-    learner = ServiceTypeDiscovery(cast("Node", None), lambda: None)
+    learner = GraphTypeDiscovery(cast("Node", None), lambda: None)
     with caplog.at_level(logging.WARNING):
         learner.look(
             GraphEndpoint(link_pb2.ENDPOINT_KIND_SERVER, "/r/n", "/r/s", f"p/srv/Fields{count}", "x", "")
@@ -39,4 +39,4 @@ async def test_a_type_is_learned_unless_it_is_too_large(
         await wait_until_async(lambda: bool(learner.texts) and bool(caplog.records))
     await learner.close()
     assert list(learner.texts) == [("p/srv/Fields400", "x")]
-    assert "p/srv/Fields1000 can only be called remotely in CDR: its definition is too large" in caplog.text
+    assert "p/srv/Fields1000 can only be used remotely in CDR: its definition is too large" in caplog.text

@@ -30,9 +30,13 @@ def custom_types_robot(router: str, log: Path, *, namespace: str = "/") -> Itera
 
 
 def main() -> None:
-    """Publish `hand`, of a new type, and `other`, of a shipped name with other fields; serve `wave`, of a new type."""
+    """A node with types of its own.
+
+    It publishes `hand`, of a new type, and `other`, of a shipped name with other fields; hears `squeeze` and says what
+    it heard in `squeezed`; serves the service `wave` and the action `reach`, of new types.
+    """
     import metaros
-    from metaros.idl import default_catalogue, message_class, parse_definition
+    from metaros.idl import Catalogue, default_catalogue, message_class, parse_definition
     from metaros.interfaces.std_msgs.msg import Header
 
     @metaros.message(name="far_robot/msg/Finger")
@@ -52,13 +56,32 @@ def main() -> None:
     def wave(request: Any, response: Any) -> None:
         response.done, response.angle = True, request.times * 0.5
 
+    def reach(goal: Any) -> Any:
+        for joint in goal.request.path:
+            goal.publish_feedback(reaching.Feedback(now=joint))
+        goal.succeed()
+        return reaching.Result(error=len(goal.request.path) * 0.5)
+
     text = "string<=8 how\nint16 times\nstd_msgs/Header header\n---\nbool done\nfloat64 angle\n"
-    default_catalogue().add(parse_definition(text, "far_robot/srv/Wave"))
+    own = Catalogue(base=default_catalogue())
+    own.add(parse_definition(text, "far_robot/srv/Wave"))
+    own.add(parse_definition("float32 angle\nstring name\n", "far_robot/msg/Joint"))
+    text = "uint8 FAST=2\nJoint[] path\nuint8 speed 1\n---\nfloat64 error\n---\nJoint now\n"
+    own.add(parse_definition(text, "far_robot/action/Reach"))
+    own.add(parse_definition("uint16 force 5\nJoint joint\n", "far_robot/msg/Squeeze"))
+    reaching = message_class("far_robot/action/Reach", own)
     with metaros.Node("hand", namespace=sys.argv[1]) as node:
         hands, others = node.create_publisher(Hand, "hand"), node.create_publisher(OtherInt8, "other")
         node.create_timer(0.05, lambda: hands.publish(Hand(fingers=[Finger(), Finger(angle=1.5)])))
         node.create_timer(0.05, lambda: others.publish(OtherInt8()))
-        node.create_service(message_class("far_robot/srv/Wave"), "wave", wave)
+        squeezed = node.create_publisher(str, "squeezed", metaros.qos_transient_local)
+        node.create_subscription(
+            message_class("far_robot/msg/Squeeze", own),
+            "squeeze",
+            lambda message: squeezed.publish(f"{message.joint.name} {message.force}"),
+        )
+        node.create_service(message_class("far_robot/srv/Wave", own), "wave", wave)
+        node.create_action_server(reaching, "reach", reach)
         print("ready", flush=True)
         metaros.spin(node)
 

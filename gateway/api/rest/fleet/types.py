@@ -26,8 +26,9 @@ router = api_router("/api/v1/robots", tags=["robots"])
     responses={200: {"model": TypeShape}, 404: {"model": common.Problem}},
 )
 async def get_type(request: Request, robot_id: str, package: str, kind: str, name: str) -> Response:
-    """What a type is made of: as the robot announced it with a topic, else as the library ships it."""
+    """What a type is made of: as the robot announced it with a topic or told it, else as the library ships it."""
     services, full = services_of(request), f"{package}/{kind}/{name}"
     topics = services.registry.get(robot_id).topics()
     announced = next((state.channel for state in topics if state.channel.schema_name == full), None)
-    return JsonResponse(await asyncio.to_thread(TypeRegistry().shape, full, announced))
+    told = services.graphs.of(robot_id).told(full)
+    return JsonResponse(await asyncio.to_thread(TypeRegistry().shape, full, announced, told))
