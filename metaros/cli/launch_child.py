@@ -1,9 +1,10 @@
-"""Run as `python -m metaros.cli.launch_child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
+"""Run as `python -m metaros.cli.launch_child module|class|driver|ros2 WHAT ARGUMENT...`: a node of a launch table.
 
 With `spare` alone it stands by until a line on its input tells which node to be. It asks by itself to die with the
 launcher, which saves the interpreter that the guard would cost, takes the `--ros-args` out of the command line for the
-nodes, and becomes the module, runs the driver, or makes the class's node and spins it. Only what it needs is imported:
-this is the start of every supervised node.
+nodes, and becomes the module, runs the driver, or makes the class's node and spins it. A program written for ROS 2
+keeps its command line: it reads it by itself. Only what it needs is imported: this is the start of every supervised
+node.
 """
 
 from __future__ import annotations
@@ -62,6 +63,12 @@ def _stand_by() -> list[str]:
 
 
 def _run(kind: str, what: str, *arguments: str) -> None:
+    if kind == "ros2":
+        import shlex
+
+        from metaros.ros2.programs import find_program, run_program
+
+        run_program(find_program(shlex.split(what))[0], arguments, say=lambda note: sys.stderr.write(f"{note}\n"))
     from metaros.node.arguments import take_ros_args
 
     sys.argv = [what, *take_ros_args(arguments)]

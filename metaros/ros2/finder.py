@@ -29,8 +29,10 @@ PACKAGES: Final[dict[str, str]] = {
     "rosidl_parser": f"{_HERE}.rosidl.parser",
     "rosidl_runtime_py": f"{_HERE}.rosidl.runtime",
     "sensor_msgs_py": f"{_HERE}.sensor_msgs_py",
+    "tf2_geometry_msgs": f"{_HERE}.tf2_geometry_msgs",
     "tf2_py": f"{_HERE}.tf2_py",
     "tf2_ros": f"{_HERE}.tf2_ros",
+    "tf2_sensor_msgs": f"{_HERE}.tf2_sensor_msgs",
 }
 _INTERFACES: Final = ("msg", "srv", "action")
 
@@ -78,8 +80,10 @@ class RosFinder(MetaPathFinder):
     def _aliased(self, fullname: str, home: str) -> ModuleSpec | None:
         """The module `home` by another name. None where there is none, so that Python says that in its own words."""
         module = _import(home)
-        if module is None and _has_parts(fullname):
-            module = ModuleType(fullname, f"Holds the modules of `{fullname}`.")
+        if _has_parts(fullname):
+            module = module or ModuleType(fullname, f"Holds the modules of `{fullname}`.")
+            if not hasattr(module, "__path__"):
+                module.__path__ = []
         return None if module is None else self._spec(fullname, module)
 
     def _made(self, fullname: str) -> ModuleSpec | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ MAX_BYTES: Final = 1024 * 1024
 MAX_NODES: Final = 256
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
-_KINDS: Final = ("module", "class", "driver", "command")
+_KINDS: Final = ("module", "class", "driver", "ros2", "command")
 _DRIVER: Final = re.compile(r"[a-z][a-z0-9_]*\Z")
 
 TABLE_KEYS: Final = ("node", "safe_stop", "safe_stop_service", "env", "log_bytes", "heartbeat_s", "spare")
@@ -51,12 +52,13 @@ _POLICY_FIELDS: Final = {"when": "restart", "exits": "window_exits"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeRow:
-    """One `[[node]]`: exactly one of `module`, `class_`, `driver` and `command` says what it is."""
+    """One `[[node]]`: exactly one of `module`, `class_`, `driver`, `ros2` and `command` says what it is."""
 
     name: str
     module: str = ""
     class_: str = ""
     driver: str = ""  # a kind of `metaros driver list`
+    ros2: str = ""  # a program written for ROS 2: a file, a module, or a package and its executable
     command: tuple[str, ...] = ()
     args: tuple[str, ...] = ()
     namespace: str = ""
@@ -75,7 +77,7 @@ class NodeRow:
     @property
     def what(self) -> str:
         """What it runs, in one word or line."""
-        return self.module or self.class_ or self.driver or " ".join(self.command)
+        return self.module or self.class_ or self.driver or self.ros2 or " ".join(self.command)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,6 +240,10 @@ def _what(keys: _Keys) -> dict[str, Any]:
             raise keys.fail(kind, 'expected a program and its arguments: ["ros2", "run", "pkg", "node"]')
         return {"command": command}
     text = keys.value(kind, str, "")
+    if kind == "ros2":
+        if not _is_program(text):
+            raise keys.fail(kind, f"{text!r} does not look like talker.py, package.module or `package executable`")
+        return {"ros2": text}
     if kind == "driver":
         if not _DRIVER.match(text):
             raise keys.fail(kind, f"{text!r} does not look like camera; `metaros driver list` shows the kinds")
@@ -247,6 +253,14 @@ def _what(keys: _Keys) -> dict[str, Any]:
         shape = "package.module:Class" if kind == "class" else "package.module"
         raise keys.fail(kind, f"{text!r} does not look like {shape}")
     return {"module": module} if kind == "module" else {"class_": text}
+
+
+def _is_program(text: str) -> bool:
+    """One word, or two: a path may have blanks in it between quotes."""
+    try:
+        return len(shlex.split(text)) in (1, 2) and "\0" not in text
+    except ValueError:
+        return False
 
 
 def _namespace(keys: _Keys) -> str:

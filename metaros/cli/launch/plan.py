@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
@@ -42,6 +44,9 @@ def check_exists(table: LaunchTable) -> None:
         if row.driver:
             _check_driver(row, where)
             continue
+        if row.ros2:
+            _check_ros2(row, table.folder, where)
+            continue
         module = row.module or row.class_.partition(":")[0]
         if not _module_exists(module, table.folder):
             key = "module" if row.module else "class"
@@ -58,6 +63,15 @@ def _check_driver(row: NodeRow, where: str) -> None:
         read_values(manifest, row.parameters)
     except ConfigError as error:
         raise ConfigError(f"{where}: driver: {error}") from None
+
+
+def _check_ros2(row: NodeRow, folder: Path, where: str) -> None:
+    from metaros.ros2.programs import find_program
+
+    try:
+        find_program(shlex.split(row.ros2), folder=folder, environ={**os.environ, **row.env})
+    except ConfigError as error:
+        raise ConfigError(f"{where}: ros2: {error}") from None
 
 
 def _module_exists(name: str, folder: Path) -> bool:
@@ -93,6 +107,8 @@ def node_names(table: LaunchTable) -> Mapping[str, str]:
 def _what(row: NodeRow) -> tuple[str, str]:
     if row.driver:
         return "driver", row.driver
+    if row.ros2:
+        return "ros2", row.ros2
     return ("module", row.module) if row.module else ("class", row.class_)
 
 

@@ -71,7 +71,7 @@ NODE = '[[node]]\nname = "a"\nmodule = "m"\n'
         ('[[node]]\nname = "a b"\nmodule = "m"', "[[node]] 'a b': name"),
         (
             '[[node]]\nname = "a"',
-            "[[node]] 'a': exactly one of module, class, driver, command says what to run; found none",
+            "[[node]] 'a': exactly one of module, class, driver, ros2, command says what to run; found none",
         ),
         (NODE + 'command = ["x"]', "found module and command"),
         (NODE + "moduel = 1", "[[node]] 'a': unknown key 'moduel'; did you mean 'module'?"),
@@ -79,6 +79,7 @@ NODE = '[[node]]\nname = "a"\nmodule = "m"\n'
         ('[[node]]\nname = "a"\nclass = "m"', "class: 'm' does not look like package.module:Class"),
         ('[[node]]\nname = "a"\ncommand = []', "command: expected a program"),
         ('[[node]]\nname = "a"\ncommand = [1]', "command: expected a list of texts, found a whole number in it"),
+        ('[[node]]\nname = "a"\nros2 = "a b c"', "ros2: 'a b c' does not look like talker.py"),
         (NODE + NODE, "[[node]] 'a': name: another node has it already"),
         (NODE + 'after = ["b"]', "[[node]] 'a': after: there is no node 'b'"),
         (NODE + 'after = ["a"]', "after: a circle: a → a"),

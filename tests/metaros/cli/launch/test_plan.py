@@ -34,3 +34,17 @@ def test_a_driver_is_looked_up_among_the_kinds_of_drivers_and_nothing_else_of_it
         check_exists(table)
     host = launches(table, Place(zenoh_port=7447, domain=0, log_dir=tmp_path))[0].argv
     assert host[: len(PROGRAM) + 2] == (*PROGRAM, "driver", "host_metrics")
+
+
+def test_a_program_of_ros_2_is_looked_up_as_it_is_run_and_keeps_its_arguments(tmp_path: Path) -> None:
+    (tmp_path / "talker.py").touch()
+    row = '[[node]]\nname = "talker"\nros2 = "{}"\nargs = ["-v"]\nremap = {{ chatter = "/talk" }}\n'
+    table = parse_table(row.format("talker.py"), tmp_path / "robot.toml")
+    check_exists(table)
+    (planned,) = launches(table, Place(zenoh_port=7447, domain=0, log_dir=tmp_path))
+    ros = ("--ros-args", "-r", "__node:=talker", "-r", "chatter:=/talk")
+    assert planned.argv == (*PROGRAM, "ros2", "talker.py", "-v", *ros)
+    assert planned.cwd == tmp_path
+    for wrong, said in {"gone.py": "there is no file", "no_package talker": "no package with executables"}.items():
+        with pytest.raises(ConfigError, match=rf"robot\.toml: \[\[node\]\] 'talker': ros2: .*{said}"):
+            check_exists(parse_table(row.format(wrong), tmp_path / "robot.toml"))

@@ -1,0 +1,1 @@
+"""`metaros ros2`: programs written for ROS 2."""
