@@ -19,6 +19,7 @@ CAMPAIGNS = {
     "disks": "full disks on the robot and on the gateway, 20 times each",
     "history": "200 times kill -9 of a gateway that compacts, purges and exports",
     "simulator": "50,000 seeded worlds of the link's two halves",
+    "transforms": "10,000 random trees of frames: what tf2_ros says of them against plain 4x4 matrices",
     "twin": "100 worlds in which people edit twins a thousand times while everything breaks",
     "functions": "10,000 events for a function under 20 kill -9 of gateway and workers, on SQLite and PostgreSQL",
     "replicas": "30 times kill -9 of one of three gateways on one PostgreSQL, with robots and a viewer",

@@ -60,6 +60,8 @@ class Limits(FunctionLimits):
     viewers_each: int = 512  # and of one user or key
     subscriptions_per_viewer: int = 256
     parameters_per_node: int = 4096
+    tf_frames: int = 16_384  # of one transform buffer; transforms of more are refused
+    tf_samples: int = 20_000  # of one frame in it, within its time; the oldest go
     image_pixels: int = 40_000_000  # of a compressed image, before it is decoded
     service_backlog: int = 1024  # requests of one service that wait for the executor
     action_goals: int = 1024  # goals of one action server, done ones with kept results included
@@ -224,6 +226,8 @@ class Limits(FunctionLimits):
     broker_queue_bytes: int = 32 * MIB  # the same, in bytes
     broker_message_bytes: int = 64 * MIB  # one ZeroMQ message: JSON of a 16 MiB sample is about four times as long
     broker_linger_s: float = 2.0  # a topic stays subscribed for so long after its last ZeroMQ subscriber left
+    dds_routes: int = 2048  # topics and services that a DDS bridge carries, each direction counted
+    dds_calls: int = 256  # calls of one service that wait for their answer from the other side
     subscription_rows: int = 1024  # subscriptions of one context that tell what they dropped
     seal_frames_per_key: int = 1 << 32  # payloads that one data key seals; then another one is made
     seal_key_s: float = 604_800.0  # and how long it seals
