@@ -23,12 +23,12 @@ class Logger:
         self.level = LEVELS["INFO"]
         self.on_stderr = True
         self._clock = clock
-        self._publish = publish
+        self.rosout = publish  # what sends a message to /rosout; None where the node does not
         self._stream = stream
 
     def publish_with(self, publish: Callable[..., None]) -> None:
         """Send messages to /rosout, too, from now on."""
-        self._publish = publish
+        self.rosout = publish
 
     def set_level(self, level: str) -> None:
         """Show `level` (DEBUG, INFO, WARN, ERROR, FATAL) and what is graver."""
@@ -63,9 +63,9 @@ class Logger:
         line = f"[{level}] [{stamp_ns / 1e9:.6f}] [{self.name}]: {text}"
         if self.on_stderr:
             print(line, file=self._stream or sys.stderr, flush=True)
-        if self._publish is not None:
+        if self.rosout is not None:
             frame: Any = sys._getframe(2)
-            self._publish(
+            self.rosout(
                 stamp_ns=stamp_ns,
                 level=LEVELS[level],
                 name=self.name,

@@ -40,6 +40,7 @@ class NodeInfo:
     namespace: str
     full_name: str
     zid: str
+    enclave: str = "/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +110,7 @@ class GraphState:
 
     def nodes(self) -> list[NodeInfo]:
         """Every node, by name."""
-        found = [NodeInfo(n.name, n.namespace, n.full_name, n.zid) for n in self._nodes.values()]
+        found = [NodeInfo(n.name, n.namespace, n.full_name, n.zid, n.enclave) for n in self._nodes.values()]
         return sorted(found, key=lambda node: (node.full_name, node.zid))
 
     def endpoints(self, topic: str | None = None, kind: str | None = None) -> list[EndpointInfo]:

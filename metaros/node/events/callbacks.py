@@ -1,4 +1,7 @@
-"""Event callbacks of publishers and subscriptions. They run on the executor, plain or `async def`."""
+"""Event callbacks of publishers and subscriptions. They run on the executor, plain or `async def`.
+
+`group` says what they may overlap with on an executor of several threads.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from metaros.executor import CallbackGroup
 from metaros.node.events.event_types import (
     DeadlineMissed,
     LivelinessChanged,
@@ -29,6 +33,7 @@ class SubscriptionEvents:
     message_lost: Callable[[MessageLost], Any] | None = None
     deadline_missed: Callable[[DeadlineMissed], Any] | None = None
     liveliness_changed: Callable[[LivelinessChanged], Any] | None = None
+    group: CallbackGroup | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,3 +45,4 @@ class PublisherEvents:
     matched: Callable[[Matched], Any] | None = None
     deadline_missed: Callable[[DeadlineMissed], Any] | None = None
     liveliness_lost: Callable[[LivelinessLost], Any] | None = None
+    group: CallbackGroup | None = None

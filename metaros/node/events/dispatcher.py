@@ -27,7 +27,7 @@ class EventDispatcher:
         self._callbacks: dict[str, Callable[[Any], Any]] = {}
         for kind in () if callbacks is None else callbacks.__dataclass_fields__:
             callback = getattr(callbacks, kind)
-            if callback is not None:
+            if callback is not None and kind != "group":
                 self._callbacks[kind] = callback
                 if inspect.iscoroutinefunction(callback):
                     node.ingress.async_work = True
@@ -37,6 +37,7 @@ class EventDispatcher:
             depth=_WAITING,
             limit_bytes=_WAITING * _EVENT_BYTES,
             size_of=lambda _: _EVENT_BYTES,
+            group=None if callbacks is None else callbacks.group,
         )
         self._put = node.ingress.put_to(self._mailbox) if self._callbacks else None
 

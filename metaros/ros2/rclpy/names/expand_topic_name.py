@@ -17,13 +17,13 @@ def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> s
 
     `~` is the node, `{node}` its name, `{ns}` and `{namespace}` its namespace.
     """
-    for fault in (
-        find_topic_name_fault(topic_name),
-        find_node_name_fault(node_name),
-        find_namespace_fault(node_namespace),
+    for what, name, fault in (
+        ("topic name", topic_name, find_topic_name_fault(topic_name)),
+        ("node name", node_name, find_node_name_fault(node_name)),
+        ("namespace", node_namespace, find_namespace_fault(node_namespace)),
     ):
         if fault is not None:
-            raise ValueError(f"cannot expand {topic_name!r} on {node_name!r} in {node_namespace!r}: {fault.text}")
+            raise ValueError(f"{what} {name!r} is invalid: {fault.text}")
     prefix = node_namespace.rstrip("/")
     known = {"node": node_name, "ns": node_namespace, "namespace": node_namespace}
 
