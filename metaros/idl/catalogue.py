@@ -106,6 +106,13 @@ class Catalogue:
         names.update(self._listed())
         return sorted(name for name in names if kind is None or name.split("/")[1] == kind)
 
+    def names_of(self, package: str) -> list[str]:
+        """The same of one package, of all kinds, without reading the others."""
+        prefix = f"{package}/"
+        names = set(self._base.names_of(package)) if self._base else set()
+        names.update(name for name in self._listed_of(package) if name.startswith(prefix))
+        return sorted(names)
+
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self._find(name) is not None
 
@@ -143,6 +150,9 @@ class Catalogue:
     def _listed(self) -> Iterator[str]:
         with self._lock:
             return iter(list(self._own))
+
+    def _listed_of(self, package: str) -> Iterator[str]:
+        return self._listed()
 
     def _closure(self, name: str) -> set[str]:
         found: set[str] = set()
@@ -190,6 +200,11 @@ class _ShippedCatalogue(Catalogue):
         with self._lock:
             for package in list(self._unread):
                 self._read(package)
+            return iter([*self._own, *self._texts])
+
+    def _listed_of(self, package: str) -> Iterator[str]:
+        with self._lock:
+            self._read(package)
             return iter([*self._own, *self._texts])
 
     def _read(self, package: str) -> None:

@@ -51,7 +51,9 @@ def sequence(base: str, value: Any) -> array[Any]:
 
 
 def fixed_array(base: str, value: Any) -> Any:
-    """A new numpy array of `value`."""
+    """A new numpy array of `value`; bytes are taken for arrays of one-byte numbers."""
+    if isinstance(value, (bytes, bytearray)) and DTYPES[base].itemsize == 1:
+        return np.frombuffer(bytearray(value), DTYPES[base])
     return np.array(value, DTYPES[base])
 
 
