@@ -86,6 +86,11 @@ class Context:
             self._arguments = parse_arguments(args)
             _living.add(self)
 
+    @property
+    def was_initialized(self) -> bool:
+        """Whether `init` was called, whatever came after."""
+        return self._arguments is not None
+
     def ok(self) -> bool:
         """Whether it was initialised and is not shut down."""
         return self._arguments is not None and not self._over
