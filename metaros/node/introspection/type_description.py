@@ -9,6 +9,7 @@ from metaros.idl import Catalogue, catalogue_of, default_catalogue, definition_t
 from metaros.idl.definitions import MessageDefinition, Value
 from metaros.idl.derived import root_names, whole_message
 from metaros.node.core import NodeCore
+from metaros.node.service import Service
 from metaros.node.standard_services import StandardService, serve
 from metaros.wire import qos_services
 
@@ -21,9 +22,9 @@ SERVICE: Final = StandardService(
 )
 
 
-def offer_type_description(node: NodeCore) -> None:
+def offer_type_description(node: NodeCore) -> Service:
     """Serve it; any type of the catalogue and every `@message` class is described, used by this node or not."""
-    serve(node, SERVICE, _describe, qos_services)
+    return serve(node, SERVICE, _describe, qos_services)
 
 
 def _describe(request: Any, response: Any) -> None:

@@ -16,6 +16,7 @@ from metaros.node.context import Context as NativeContext
 from metaros.ros2.rclpy.core.destroyable import Destroyable
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, RCLError
 from metaros.ros2.rclpy.core.ros_arguments import parse_arguments
+from metaros.ros2.rclpy.logging.state import configure
 from metaros.wire.keys import parse_domain
 from metaros.wire.session import domain_from
 
@@ -73,7 +74,6 @@ class Context:
             RuntimeError: it was initialised before, or there is no such domain.
             UnknownROSArgsError, RCLInvalidROSArgsError: the command line cannot be read.
         """
-        del initialize_logging  # loggers need no preparation here
         with self._lock:
             if self._arguments is not None:
                 raise RuntimeError("Context.init() must only be called once: make another Context")
@@ -84,6 +84,8 @@ class Context:
             except MetarosError as error:
                 raise RuntimeError(str(error)) from None
             self._arguments = parse_arguments(args)
+            if initialize_logging:
+                configure(self._arguments)
             _living.add(self)
 
     @property

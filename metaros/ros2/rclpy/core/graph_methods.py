@@ -19,6 +19,7 @@ from metaros.ros2.rclpy.names.type_hash import TypeHash
 from metaros.ros2.rclpy.names.validate_full_topic_name import validate_full_topic_name
 from metaros.ros2.rclpy.names.validate_namespace import validate_namespace
 from metaros.ros2.rclpy.names.validate_node_name import validate_node_name
+from metaros.ros2.rclpy.names.validate_topic_name import validate_topic_name
 from metaros.ros2.rclpy.qos.conversion import from_native
 from metaros.wire.graph import EndpointInfo
 
@@ -125,17 +126,23 @@ class GraphMethods:
     # -- names -----------------------------------------------------------------------------------------------------
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        """The full name of a topic as this node means it, remapped unless `only_expand`; ValueError for none."""
-        return self._resolve(topic, service=False, only_expand=only_expand)
+        """The full name of a topic as this node means it, remapped unless `only_expand`.
+
+        Raises:
+            InvalidTopicNameException: it breaks the grammar.
+            ValueError: it has a substitution that nobody knows.
+        """
+        return self._resolved(topic, service=False, only_expand=only_expand)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
-        """The full name of a service as this node means it; as for topics."""
-        return self._resolve(service, service=True, only_expand=only_expand)
+        """The full name of a service as this node means it; InvalidServiceNameException, otherwise as for topics."""
+        return self._resolved(service, service=True, only_expand=only_expand)
 
-    def _resolve(self, name: str, *, service: bool, only_expand: bool = False) -> str:
-        handle = self.handle
-        full_name = expand_topic_name(name, handle.name, handle.namespace)
-        return full_name if only_expand else handle.arguments.remapped(full_name, service=service)
+    def _resolved(self, name: str, *, service: bool, only_expand: bool) -> str:
+        validate_topic_name(name, is_service=service)
+        node = self.handle
+        full_name = expand_topic_name(name, node.name, node.namespace)
+        return full_name if only_expand else node.arguments.remapped(full_name, service=service)
 
     # -- reading the graph -----------------------------------------------------------------------------------------
 
@@ -149,7 +156,8 @@ class GraphMethods:
         if not isinstance(name, str):
             raise TypeError(f"the name of a {what} is a text, not {name!r}")
         if not no_mangle:
-            name = self._resolve(name, service=service)
+            node = self.handle
+            name = node.arguments.remapped(expand_topic_name(name, node.name, node.namespace), service=service)
             try:
                 validate_full_topic_name(name, is_service=service)
             except NameError_ as error:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final
 
 from metaros.executor import CallbackGroup
-from metaros.node.introspection import offer_type_description
 from metaros.ros2.rclpy.core.client import Client
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.endpoint_methods import EndpointMethods, qos_or_depth
@@ -18,6 +17,7 @@ from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, NodeNameNonExisten
 from metaros.ros2.rclpy.core.ros_arguments import node_arguments, parse_arguments
 from metaros.ros2.rclpy.core.service import Service
 from metaros.ros2.rclpy.core.subscription import Subscription
+from metaros.ros2.rclpy.core.type_description_service import TypeDescriptionService
 from metaros.ros2.rclpy.core.utilities import get_default_context
 from metaros.ros2.rclpy.execution.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from metaros.ros2.rclpy.execution.guard_condition import GuardCondition
@@ -40,7 +40,6 @@ __all__ = ["HIDDEN_NODE_PREFIX", "Node", "NodeNameNonExistentError"]
 
 HIDDEN_NODE_PREFIX: Final = "_"
 _S_TO_NS: Final = 1_000_000_000
-_TYPE_DESCRIPTIONS: Final = "start_type_description_service"
 
 
 class Node(EndpointMethods, ParameterMethods, GraphMethods):
@@ -110,7 +109,7 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
                 self._parameter_service = ParameterService(self)
             if enable_logger_service:
                 self.__offer_logger_levels()
-            self.__offer_type_descriptions()
+            self._type_description_service = TypeDescriptionService(self)
         except BaseException:
             self.__node.close()
             raise
@@ -120,12 +119,6 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
         from metaros.ros2.rclpy.logging.logging_service import LoggingService
 
         self._logger_service = LoggingService(self)
-
-    def __offer_type_descriptions(self) -> None:
-        if not self.has_parameter(_TYPE_DESCRIPTIONS):
-            self.declare_parameter(_TYPE_DESCRIPTIONS, True)
-        if self.get_parameter(_TYPE_DESCRIPTIONS).value:
-            offer_type_description(self.__node)
 
     # -- what it is ------------------------------------------------------------------------------------------------
 

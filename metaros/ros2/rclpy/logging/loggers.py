@@ -6,17 +6,16 @@ import os
 from pathlib import Path
 from typing import Any
 
-from metaros.node.arguments import RosArguments
 from metaros.ros2.rclpy.logging.levels import LEVELS
-from metaros.ros2.rclpy.logging.rcutils_logger import RcutilsLogger, logging_state
+from metaros.ros2.rclpy.logging.rcutils_logger import RcutilsLogger
 from metaros.ros2.rclpy.logging.rosout import ROSOUT
 from metaros.ros2.rclpy.logging.severity import LoggingSeverity
+from metaros.ros2.rclpy.logging.state import STATE
 
 __all__ = [
     "LoggingSeverity",
     "RcutilsLogger",
     "clear_config",
-    "configure",
     "get_logger",
     "get_logger_effective_level",
     "get_logger_level",
@@ -44,15 +43,9 @@ def node_logger(node: Any) -> RcutilsLogger:
     return RcutilsLogger(node.get_logger().name)
 
 
-def configure(arguments: RosArguments) -> None:
-    """Do what a command line says of logging: `--log-level`, `--disable-stdout-logs`."""
-    LEVELS.configure(arguments.log_level, dict(arguments.log_levels))
-    logging_state.to_terminal = "stdout-logs" not in arguments.off
-
-
 def initialize() -> None:
     """Read the environment's RCUTILS_* anew at the next message; ValueError then, where it cannot be read."""
-    logging_state.console = None
+    STATE.console = None
 
 
 def shutdown() -> None:

@@ -7,14 +7,14 @@ import sys
 from types import CodeType, FrameType
 from typing import Any, Final
 
-from metaros.clock import SystemClock
-from metaros.ros2.rclpy.logging.console import Console, Record
+from metaros.ros2.rclpy.logging.console import Record
 from metaros.ros2.rclpy.logging.filters import Filters, wanted_filters
 from metaros.ros2.rclpy.logging.levels import LEVELS, SEPARATOR
 from metaros.ros2.rclpy.logging.rosout import ROSOUT
 from metaros.ros2.rclpy.logging.severity import LoggingSeverity
+from metaros.ros2.rclpy.logging.state import STATE
 
-__all__ = ["RcutilsLogger", "logging_state"]
+__all__ = ["RcutilsLogger"]
 
 _DEBUG, _INFO, _WARN, _ERROR, _FATAL = (
     LoggingSeverity.DEBUG,
@@ -24,26 +24,6 @@ _DEBUG, _INFO, _WARN, _ERROR, _FATAL = (
     LoggingSeverity.FATAL,
 )
 _internal_callers: Final[list[str]] = [__file__]  # rclpy's name: files whose frames are not where a message comes from
-
-
-class _State:
-    """What all loggers write to."""
-
-    def __init__(self) -> None:
-        self.console: Console | None = None
-        self.to_terminal = True
-        self.clock = SystemClock()
-
-    def write(self, record: Record) -> None:
-        """To the terminal and /rosout."""
-        if self.to_terminal:
-            if self.console is None:
-                self.console = Console()
-            self.console.write(record)
-        ROSOUT.publish(record)
-
-
-logging_state: Final = _State()
 
 
 class RcutilsLogger:
@@ -115,10 +95,10 @@ class RcutilsLogger:
             filters.check_same(name, severity, wanted, kwargs)
         if wanted and not filters.pass_on():
             return False
-        stamp_ns = logging_state.clock.wall_ns()
+        stamp_ns = STATE.clock.wall_ns()
         file = os.path.abspath(code.co_filename)
         record = Record(severity.name, name, str(message), stamp_ns, code.co_name, file, frame.f_lineno)
-        logging_state.write(record)
+        STATE.write(record)
         return True
 
     def debug(self, message: object, **kwargs: Any) -> bool:
