@@ -9,19 +9,20 @@ from typing import Any
 
 import zenoh
 
-from metaros.broker.backlog import Backlog
 from metaros.broker.demand import Demand
 from metaros.broker.faults import Faults
 from metaros.broker.report import Direction, TopicRow
-from metaros.broker.topics import others, reading_qos
+from metaros.broker.topics import others
 from metaros.broker.types import Types
 from metaros.broker.v1_json import to_payload
 from metaros.cdr import codec
+from metaros.concurrency.backlog import Backlog
 from metaros.errors import AttachmentError, MetarosError
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 from metaros.node import Node, RawSubscription
 from metaros.wire import EndpointInfo, parse_attachment
+from metaros.wire.matching import reading_qos
 
 __all__ = ["Outgoing"]
 

@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import zenoh
 
-from metaros.broker.backlog import Backlog
 from metaros.broker.faults import Faults
 from metaros.broker.frames import parse_payload
 from metaros.broker.raw_payload import raw_data
@@ -16,6 +15,7 @@ from metaros.broker.topics import others
 from metaros.broker.type_inference import TYPE_MARKER, TypeTable, infer_type
 from metaros.broker.types import Types
 from metaros.broker.v1_json import from_payload
+from metaros.concurrency.backlog import Backlog
 from metaros.errors import FieldError, MetarosError
 from metaros.idl import message_class
 from metaros.node import Node, Publisher

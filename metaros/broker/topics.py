@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from metaros.node import Node
-from metaros.wire import Durability, EndpointInfo, QoSProfile, Reliability
+from metaros.wire import EndpointInfo
 
-__all__ = ["others", "reading_qos"]
+__all__ = ["others"]
 
 
 def others(node: Node, topic: str | None = None) -> list[EndpointInfo]:
@@ -18,15 +16,3 @@ def others(node: Node, topic: str | None = None) -> list[EndpointInfo]:
         for item in node.graph.endpoints(topic)
         if item.kind in ("MP", "MS") and (item.zid, item.node_full_name) != own
     ]
-
-
-def reading_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
-    """What suits all publishers: best effort unless all are reliable, old samples where all keep them."""
-    profiles = list(offered)
-    reliable = all(qos.reliability is Reliability.RELIABLE for qos in profiles)
-    kept = bool(profiles) and all(qos.durability is Durability.TRANSIENT_LOCAL for qos in profiles)
-    return QoSProfile(
-        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
-        durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
-        depth=100,
-    )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from metaros.errors import TypeHashError
 from metaros.wire.liveliness_tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
-from metaros.wire.qos import incompatibilities
+from metaros.wire.qos import Durability, QoSProfile, Reliability, incompatibilities
 
-__all__ = ["Mismatch", "is_counterpart", "mismatch"]
+__all__ = ["Mismatch", "is_counterpart", "mismatch", "reading_qos"]
 
 _COUNTERPART: Final[dict[EndpointKind, EndpointKind]] = {"MP": "MS", "MS": "MP", "SS": "SC", "SC": "SS"}
 
@@ -52,3 +53,15 @@ def mismatch(own: EndpointToken, peer: EndpointToken) -> Mismatch | None:
 
 def _who(token: EndpointToken) -> str:
     return f"{ENDPOINT_KINDS[token.kind]} {token.node.full_name}"
+
+
+def reading_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """What suits all publishers: best effort unless all are reliable, old samples where all keep them."""
+    profiles = list(offered)
+    reliable = all(qos.reliability is Reliability.RELIABLE for qos in profiles)
+    kept = bool(profiles) and all(qos.durability is Durability.TRANSIENT_LOCAL for qos in profiles)
+    return QoSProfile(
+        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
+        depth=100,
+    )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -57,6 +55,7 @@ def broker(
     unchanged. Hosts the Zenoh router where none runs.
     """
     from metaros.cli.shared import extras, running
+    from metaros.cli.shared.hosted_router import hosted_router
     from metaros.cli.shared.output import Output
 
     extras.require("zmq")
@@ -77,7 +76,7 @@ def broker(
     )
     _check_ports(hub.xsub + hub.xpub)
     out = Output(output)
-    with running.stop_on_signals() as stop, _router(zenoh_port) as hosted:
+    with running.stop_on_signals() as stop, hosted_router(zenoh_port, "broker") as hosted:
         from metaros.cli.shared.connection import connect
 
         with connect(zenoh_port, domain) as context, Broker(context, options) as running_broker:
@@ -101,25 +100,6 @@ def _check_ports(endpoints: tuple[str, ...]) -> None:
                 f"port {port} is in use by {port_owner(int(port))}\n"
                 "choose others: metaros broker --xsub PORT --xpub PORT, and tell the ZeroMQ programs"
             )
-
-
-@contextmanager
-def _router(port: int) -> Iterator[bool]:
-    """Our own Zenoh router where there is none; whether it is ours."""
-    from metaros.cli.shared.ports import port_owner
-    from metaros.errors import ConfigError
-    from metaros.wire.router import open_router, probe
-
-    state = probe(port)
-    if state == "foreign":
-        raise ConfigError(
-            f"port {port} is in use by {port_owner(port)}\nchoose another: metaros broker --zenoh-port PORT"
-        )
-    if state == "zenoh":
-        yield False
-    else:
-        with open_router(port):
-            yield True
 
 
 def _greet(out: Output, options: BrokerOptions, zenoh_port: int, *, hosted: bool) -> None:

@@ -17,6 +17,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "mavlink": ("pymavlink",),
     "postgres": ("asyncpg",),
     "zmq": ("zmq",),
+    "dds": ("cyclonedds",),
 }
 
 

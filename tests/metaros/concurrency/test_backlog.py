@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from metaros.broker.backlog import Backlog
+from metaros.concurrency.backlog import Backlog
 
 
 def test_oldest_go_first() -> None:

@@ -1,4 +1,4 @@
-"""What waits for the bridge on one topic: bounded in messages and bytes, oldest dropped first and counted."""
+"""What waits for a bridge on one topic: bounded in messages and bytes, oldest dropped first and counted."""
 
 from __future__ import annotations
 

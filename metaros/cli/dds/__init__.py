@@ -1,0 +1,1 @@
+"""`metaros dds`."""
