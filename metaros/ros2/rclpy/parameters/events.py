@@ -6,11 +6,16 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from metaros.cdr import codec
-from metaros.errors import ClosedError
+from metaros.node.core import NodeCore
 from metaros.node.parameters.services import EVENT_HASH, EVENT_TYPE, EVENTS
 from metaros.node.publisher import RawPublisher
+from metaros.ros2.rclpy.core.handles import PublisherHandle
+from metaros.ros2.rclpy.core.publisher import Publisher
+from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, RCLError
 from metaros.ros2.rclpy.parameters.conversion import to_wire
 from metaros.ros2.rclpy.parameters.value import Parameter
+from metaros.ros2.rclpy.qos.profile import qos_profile_parameter_events
+from metaros.ros2.rosidl.catalogue import interface
 from metaros.wire import qos_parameters
 
 __all__ = ["ParameterEvents"]
@@ -19,13 +24,25 @@ Parameters = Sequence[Parameter[Any]]
 _SIM_TIME: Final = "use_sim_time"
 
 
+class _Handle(PublisherHandle):
+    """A publisher whose codec is compiled with the first event: a node shall start quickly."""
+
+    def __init__(self, node: NodeCore, message_type: type[Any]) -> None:
+        self.event_handlers = []
+        self.message_type = message_type
+        options: Any = {"message_type": message_type, "encode": lambda message: codec(message_type).encode(message)}
+        RawPublisher.__init__(self, node, EVENTS, EVENT_TYPE, EVENT_HASH, qos_parameters, **options)
+
+
 class ParameterEvents:
-    """Publishes the events of one node, stamped by its clock. The codec is compiled with the first event."""
+    """Publishes the events of one node, stamped by its clock. `publisher` is one of the node's publishers."""
 
     def __init__(self, node: Any) -> None:
+        message_type = interface(EVENT_TYPE)
         self._node = node.handle
         self._clock = node.get_clock()
-        self.handle = RawPublisher(node.handle, EVENTS, EVENT_TYPE, EVENT_HASH, qos_parameters)
+        handle = _Handle(node.handle, message_type)
+        self.publisher = Publisher(handle, message_type, EVENTS, qos_profile_parameter_events)
 
     def publish(self, new: Parameters, changed: Parameters, deleted: Parameters) -> None:
         """Tell what came, what has another value, and what went."""
@@ -39,8 +56,8 @@ class ParameterEvents:
         event.new_parameters, event.changed_parameters = _messages(new), _messages(changed)
         event.deleted_parameters = _messages(deleted)
         try:
-            self.handle.publish(codec(EVENT_TYPE).encode(event))
-        except ClosedError:  # the parameters of a destroyed node are its own affair
+            self.publisher.publish(codec(EVENT_TYPE).encode(event))
+        except (InvalidHandle, RCLError):  # the parameters of a destroyed node are its own affair
             return
 
     def _heard(self) -> bool:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from metaros.limits import LIMITS
 from metaros.node.parameters.store import groups_of, is_listed
 from metaros.node.parameters.values import Value
+from metaros.ros2.rclpy.core.publisher import Publisher
 from metaros.ros2.rclpy.names.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -51,6 +52,7 @@ class ParameterMethods(ParameterCallbacks):
     """
 
     PARAM_REL_TOL: Final = REL_TOL
+    _publishers: list[Publisher]
 
     def _init_parameters(
         self,
@@ -68,7 +70,9 @@ class ParameterMethods(ParameterCallbacks):
         self._descriptors: dict[str, Any] = {}
         self._allow_undeclared_parameters = allow_undeclared
         self._parameter_overrides = parameters_of(given) | {parameter.name: parameter for parameter in overrides or ()}
-        self._parameter_event_publisher = ParameterEvents(self)
+        self.__events = ParameterEvents(self)
+        self._parameter_event_publisher = self.__events.publisher
+        self._publishers.append(self._parameter_event_publisher)
         self.__applying = threading.Lock()
 
     def _declare_overrides(self) -> None:
@@ -280,7 +284,7 @@ class ParameterMethods(ParameterCallbacks):
         with self.__applying:
             for parameter in parameters:
                 self.__apply(parameter, descriptors, changes)
-        self._parameter_event_publisher.publish(changes.new, changes.changed, changes.deleted)
+        self.__events.publish(changes.new, changes.changed, changes.deleted)
         self._call_post_set_callbacks(parameters)
         return _result()
 
