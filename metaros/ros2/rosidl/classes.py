@@ -74,6 +74,7 @@ def _make_message(definition: MessageDefinition, catalogue: Catalogue) -> type[A
         **constants,
     }
     metaclass = _metaclass(definition.name, members, frozenset((*constants, *defaults)))
+    metaclass._is_message = True
     made: type[Any] = metaclass(members["__qualname__"], (RosidlMessage,), members)
     for field in fields:
         _name_slots(made, field)

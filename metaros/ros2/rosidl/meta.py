@@ -27,12 +27,16 @@ class RosidlType(type):
     _DESTROY_ROS_MESSAGE: Any = None
     _TYPE_SUPPORT: TypeSupport | None = None
     _support: TypeSupport | None = None
+    _is_message: bool = False
     _fixed_names: frozenset[str] = frozenset()
 
     @classmethod
     def __import_type_support__(mcs) -> None:
         """Fill `_TYPE_SUPPORT`; there is nothing to be loaded."""
         mcs._TYPE_SUPPORT = mcs._support
+        if mcs._is_message:
+            mcs._CREATE_ROS_MESSAGE = mcs._CONVERT_FROM_PY = mcs._CONVERT_TO_PY = mcs._support
+            mcs._DESTROY_ROS_MESSAGE = mcs._support
 
     def __setattr__(cls, name: str, value: Any) -> None:
         if name in cls._fixed_names:
