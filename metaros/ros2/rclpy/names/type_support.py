@@ -53,7 +53,7 @@ def check_for_type_support(msg_or_srv_type: Any) -> None:
 def check_is_valid_msg_type(msg_type: Any) -> None:
     """RuntimeError where it is a service or an action; otherwise as `check_for_type_support`."""
     check_for_type_support(msg_type)
-    _require(msg_type, ("_CREATE_ROS_MESSAGE", "_CONVERT_FROM_PY", "_CONVERT_TO_PY", "_DESTROY_ROS_MESSAGE"), "message")
+    _require(msg_type, ("get_fields_and_field_types", "SLOT_TYPES"), "message")
 
 
 def check_is_valid_srv_type(srv_type: Any) -> None:
