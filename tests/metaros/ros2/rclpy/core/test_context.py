@@ -63,7 +63,7 @@ def test_what_cannot_be_read_of_the_command_line_leaves_it_uninitialised() -> No
     context = Context()
     with pytest.raises(UnknownROSArgsError, match=r"\['--what'\]"):
         context.init(args=["program", "--ros-args", "--what"])
-    with pytest.raises(RCLInvalidROSArgsError, match="Failed to parse ROS arguments:.*not-a-rule"):
+    with pytest.raises(RCLInvalidROSArgsError, match=r"Failed to parse ROS arguments:.*not-a-rule"):
         context.init(args=["program", "--ros-args", "-r", "not-a-rule"])
     with pytest.raises(UnicodeEncodeError):
         context.init(args=["program", "Ragnar\udcc3\udcb6k"])
