@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from metaros.ros2 import install, uninstall
+from metaros.ros2.rclpy.core.context import Context
+from tests.support.servers.routers import zenoh_router
 
 
 @pytest.fixture
@@ -15,3 +17,22 @@ def ros2_names() -> Iterator[None]:
     install(shadow=True)
     yield
     uninstall()
+
+
+@pytest.fixture(scope="session")
+def ros2_router() -> Iterator[str]:
+    """The port of a router that all tests of a worker share, in METAROS_ZENOH_PORT's terms."""
+    with zenoh_router() as endpoint:
+        yield endpoint.rpartition(":")[2]
+
+
+@pytest.fixture(scope="module")
+def rclpy_context(ros2_router: str) -> Iterator[Context]:
+    """An rclpy context on that router, without arguments, that the tests of a module share."""
+    context = Context()
+    context.init([])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("METAROS_ZENOH_PORT", ros2_router)
+        assert context.handle is not None  # opens the session
+    yield context
+    context.try_shutdown()

@@ -6,7 +6,8 @@ import array
 from collections.abc import Mapping
 from typing import Any, Final
 
-from metaros.node.parameters.values import ParameterType, Value
+from metaros.errors import ParameterError
+from metaros.node.parameters.values import ParameterType, Value, infer
 from metaros.ros2.rclpy.parameters.value import Parameter
 
 __all__ = ["from_wire", "message_of", "parameters_of", "to_wire"]
@@ -22,9 +23,20 @@ def message_of(name: str, value: Value) -> Any:
     return Parameter(name, value=_python(value)).to_parameter_msg()
 
 
-def parameters_of(values: Mapping[str, Value]) -> dict[str, Parameter[Any]]:
-    """What the command line and its files say, by name."""
-    return {name: Parameter(name, value=_python(value)) for name, value in values.items()}
+def parameters_of(values: Mapping[str, Any]) -> dict[str, Parameter[Any]]:
+    """What the command line and its files say, by name; ParameterError where a value is none, such as a mapping.
+
+    Nothing at all, as in `-p name:=`, is no value.
+    """
+    found = {}
+    for name, given in values.items():
+        try:
+            value = infer(given)
+        except ParameterError as error:
+            raise ParameterError(f"the value given to parameter {name}: {error}") from None
+        if value is not None:
+            found[name] = Parameter(name, value=_python(value))
+    return found
 
 
 def from_wire(message: Any) -> Parameter[Any]:

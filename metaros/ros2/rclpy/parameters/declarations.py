@@ -21,7 +21,10 @@ def read_declarations(
     TypeError where a tuple has a wrong length or wrong parts, ValueError where it leaves the type open,
     InvalidParameterException for a name that is none.
     """
-    return [_declaration(namespace, index, parts, overrides) for index, parts in enumerate(tuples)]
+    declared = []
+    for index, parts in enumerate(tuples):  # no comprehension: that would be one call more for a warning to go back
+        declared.append(_declaration(namespace, index, parts, overrides))
+    return declared
 
 
 def _declaration(
@@ -78,5 +81,5 @@ def _warn_of_bare_name(name: str) -> None:
     warnings.warn(
         f"when declaring parameter {name!r}: a name alone is deprecated; give a value or a Parameter.Type as well, or a"
         " descriptor with dynamic_typing=True",
-        stacklevel=6,
+        stacklevel=6,  # who called the node's method
     )

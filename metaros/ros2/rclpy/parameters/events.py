@@ -21,7 +21,7 @@ from metaros.wire import qos_parameters
 __all__ = ["ParameterEvents"]
 
 Parameters = Sequence[Parameter[Any]]
-_SIM_TIME: Final = "use_sim_time"
+_OWN: Final = frozenset({"use_sim_time", "start_type_description_service"})  # what every node declares as it starts
 
 
 class _Handle(PublisherHandle):
@@ -46,8 +46,8 @@ class ParameterEvents:
 
     def publish(self, new: Parameters, changed: Parameters, deleted: Parameters) -> None:
         """Tell what came, what has another value, and what went."""
-        if [parameter.name for parameter in new] == [_SIM_TIME] and not self._heard():
-            return  # every node declares it as it starts, which takes a while the first time
+        if new and _OWN.issuperset(parameter.name for parameter in new) and not self._heard():
+            return  # the first event takes a while, and every node would begin with it
         from metaros.interfaces.builtin_interfaces.msg import Time
         from metaros.interfaces.rcl_interfaces.msg import ParameterEvent
 

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from metaros.limits import LIMITS
 from metaros.node.parameters.store import groups_of, is_listed
-from metaros.node.parameters.values import Value
 from metaros.ros2.rclpy.core.publisher import Publisher
 from metaros.ros2.rclpy.names.exceptions import (
     InvalidParameterTypeException,
@@ -57,7 +56,7 @@ class ParameterMethods(ParameterCallbacks):
     def _init_parameters(
         self,
         *,
-        given: Mapping[str, Value],
+        given: Mapping[str, Any],
         overrides: Iterable[Parameter[Any]] | None,
         allow_undeclared: bool,
     ) -> None:
@@ -96,10 +95,10 @@ class ParameterMethods(ParameterCallbacks):
             InvalidParameterValueException: a callback or the descriptor refuses the value.
         """
         if value is None and descriptor is None:
-            return self.declare_parameters("", [(name,)], ignore_override)[0]
+            return self.__declare("", [(name,)], ignore_override)[0]
         if descriptor is None:
             descriptor = interface("rcl_interfaces/msg/ParameterDescriptor")()
-        return self.declare_parameters("", [(name, value, descriptor)], ignore_override)[0]
+        return self.__declare("", [(name, value, descriptor)], ignore_override)[0]
 
     def declare_parameters(
         self, namespace: str, parameters: Sequence[Any], ignore_override: bool = False
@@ -109,6 +108,9 @@ class ParameterMethods(ParameterCallbacks):
         With a namespace they are `namespace.name`. They are set one by one: what was set before one that is refused
         stays. Errors as of `declare_parameter`; TypeError and ValueError where a tuple is none of these.
         """
+        return self.__declare(namespace, parameters, ignore_override)
+
+    def __declare(self, namespace: str, parameters: Sequence[Any], ignore_override: bool) -> list[Parameter[Any]]:
         declared = read_declarations(namespace, parameters, {} if ignore_override else self._parameter_overrides)
         known = [parameter.name for parameter, _ in declared if parameter.name in self._parameters]
         if known:

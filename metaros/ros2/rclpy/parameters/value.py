@@ -5,9 +5,18 @@ from __future__ import annotations
 import array
 from collections.abc import Mapping, Sequence
 from enum import Enum
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic
 
 from metaros.ros2.rosidl.catalogue import interface
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar  # checkers know it; it need not be installed
+
+    T = TypeVar("T", default=Any)
+else:
+    from typing import TypeVar
+
+    T = TypeVar("T")
 
 __all__ = [
     "PARAMETER_SEPARATOR_STRING",
@@ -21,7 +30,6 @@ PARAMETER_SEPARATOR_STRING: Final = "."
 AllowableParameterValue = (
     bool | int | float | str | Sequence[bytes] | Sequence[bool] | Sequence[int] | Sequence[float] | Sequence[str] | None
 )
-T = TypeVar("T")
 
 _LISTS: Final = (list, tuple)
 _ARRAYS: Final = (list, tuple, array.array)
