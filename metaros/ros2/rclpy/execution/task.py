@@ -26,6 +26,13 @@ class TaskRunner(Protocol):
         """Run it in its turn."""
 
 
+class Waiter(Protocol):
+    """Who waits for a future."""
+
+    def _wake_up(self) -> None:
+        """It is over."""
+
+
 class _Driver(threading.local):
     """Which task this thread runs, so that a future knows who awaits it."""
 
@@ -54,7 +61,7 @@ class Future(Generic[T]):
         self._exception: BaseException | None = None
         self._exception_fetched = False
         self._callbacks: list[Callable[[Any], object]] = []
-        self._waiters: list[Task[Any]] = []  # tasks that sleep until it is done
+        self._waiters: list[Waiter] = []  # tasks that sleep until it is over, executors that spin until then
         self._lock = threading.Lock()
         self._executor: weakref.ref[Any] | None = None
         self._set_executor(executor)
@@ -150,8 +157,8 @@ class Future(Generic[T]):
             executor = self._living_executor()
             callbacks, self._callbacks = self._callbacks, []
             waiters, self._waiters = self._waiters, []
-        for task in waiters:
-            task._wake_up()
+        for waiter in waiters:
+            waiter._wake_up()
         for callback in callbacks:
             if executor is not None:
                 executor.create_task(callback, self)
@@ -161,12 +168,13 @@ class Future(Generic[T]):
             except Exception as error:
                 warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=2)
 
-    def _add_waiter(self, task: Task[Any]) -> bool:
-        """Wake this task when it is over; False where it is already."""
+    def _add_waiter(self, waiter: Waiter) -> bool:
+        """Wake it when this is over; False where it is already."""
         with self._lock:
             if self._over():
                 return False
-            self._waiters.append(task)
+            if waiter not in self._waiters:
+                self._waiters.append(waiter)
             return True
 
     # -- its executor ----------------------------------------------------------------------------------------------

@@ -1,0 +1,243 @@
+"""An executor's agenda: what is ready to run, in turns, gathered from its nodes when it is empty."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from typing import Any, Final
+
+from metaros.executor import Ingress, Mailbox
+from metaros.executor.ingress import ReadyQueue
+from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
+from metaros.ros2.rclpy.execution.task import Task
+from metaros.ros2.rclpy.execution.wait_set import WaitSet
+from metaros.ros2.rclpy.execution.work import GuardWork, MailWork, NativeTimerWork, TimerWork, WaitableWork, Work
+
+__all__ = ["Agenda"]
+
+_PATIENT_POLLS: Final = 16  # so often a coroutine that only yields is run again at once
+_POLL_S: Final = 0.001  # then so often
+_GROUP_S: Final = 0.1  # how often a group that let nothing run is asked again, besides when one of its callbacks ends
+
+
+class Agenda:
+    """`gather` looks around, `pop` gives out. Thread-safe; mailboxes are the agenda's until somebody has run them.
+
+    Of the tasks of a round the newest are run first, as rclpy does.
+    """
+
+    def __init__(self) -> None:
+        self._tasks: deque[Task[Any]] = deque()
+        self._polls: deque[Task[Any]] = deque()  # those that yielded time and again, and wait a little
+        self._poll_s = 0.0  # until then
+        self.queue = ReadyQueue()
+        self.due_s: float | None = None  # when the next may become ready by itself, as of the last look; monotonic
+        self._lock = threading.RLock()
+        self._entries: deque[Work | Task[Any]] = deque()
+        self._parked: list[Mailbox] = []  # with items, while their group is busy
+        self._handed: dict[
+            int, Work
+        ] = {}  # by the id of sources that handlers will run, which are not given out meanwhile
+        self._nodes: dict[Any, Any] = {}  # by the library's node behind it
+
+    # -- nodes -----------------------------------------------------------------------------------------------------
+
+    def add(self, node: Any) -> None:
+        """Run this node's work, too."""
+        with self._lock:
+            self._nodes = {**self._nodes, node.handle: node}
+
+    def remove(self, node: Any) -> Any:
+        """Run it no more; the library's node behind it, None where it was not here."""
+        with self._lock:
+            for handle, member in self._nodes.items():
+                if member is node:
+                    self._nodes = {other: rest for other, rest in self._nodes.items() if other is not handle}
+                    self._give_back(lambda work: work.node is node)
+                    return handle
+        return None
+
+    @property
+    def handles(self) -> Collection[Any]:
+        """The library's nodes."""
+        return self._nodes.keys()
+
+    def ingress(self) -> Ingress | None:
+        """Where arrivals for the nodes come in; None without nodes."""
+        for handle in self._nodes:
+            ingress: Ingress = handle.ingress
+            return ingress
+        return None
+
+    # -- tasks -----------------------------------------------------------------------------------------------------
+
+    def add_task(self, task: Task[Any]) -> None:
+        """Run it in the next round, or a little later where it does nothing but yield. From any thread."""
+        if task.polls <= _PATIENT_POLLS:
+            self._tasks.append(task)
+            return
+        if not self._polls:
+            self._poll_s = time.monotonic() + _POLL_S
+        self._polls.append(task)
+
+    # -- giving out ------------------------------------------------------------------------------------------------
+
+    def pop(self, nodes: Collection[Any] | None = None) -> Work | Task[Any] | None:
+        """The next that may run now, of these nodes or of all; None where nothing may."""
+        with self._lock:
+            for _ in range(len(self._entries)):
+                entry = self._entries.popleft()
+                if isinstance(entry, Task):
+                    node = getattr(entry, "node", None)  # that of its entity
+                    if node is None or node in (self._nodes.values() if nodes is None else nodes):
+                        return entry
+                    self._entries.append(entry)
+                elif not entry.ready() or entry.node not in self._nodes.values():
+                    entry.give_back()
+                elif not entry.allowed():
+                    if isinstance(entry, MailWork):
+                        self._parked.append(entry.source)
+                elif nodes is None or entry.node in nodes:
+                    return entry
+                else:
+                    self._entries.append(entry)
+        return None
+
+    def hand(self, work: Work) -> None:
+        """A handler will run it: it is not given out again until `taken`."""
+        self._handed[id(work.source)] = work
+
+    def taken(self, work: Work) -> bool:
+        """It runs now; False where it was given back meanwhile."""
+        return self._handed.pop(id(work.source), None) is work
+
+    # -- looking around --------------------------------------------------------------------------------------------
+
+    def gather(self, executor: Any, *, timers_only: bool = False) -> None:
+        """Put what is ready on the agenda. `timers_only`: those that became due go first."""
+        with self._lock:
+            found: list[Work | Task[Any]] = []
+            waits: list[float] = []
+            if not timers_only:
+                self._gather_tasks(found, waits)
+            for handle, node in self._nodes.items():
+                if not timers_only:
+                    self._gather_waitables(node, executor, found, waits)
+                self._gather_timers(handle, node, found, waits)
+                if not timers_only:
+                    self._gather_guards(node, found, waits)
+            if timers_only:
+                self._entries.extendleft(reversed(found))
+            else:
+                self._gather_mail(found, waits)
+                self._entries.extend(found)
+            self.due_s = time.monotonic() + min(waits) if waits else None
+
+    @staticmethod
+    def _choose(work: Work, found: list[Any], waits: list[float]) -> bool:
+        """Take it where its group lets it run, else look again soon: no group has to tell when it does."""
+        if work.allowed():
+            found.append(work)
+            return True
+        waits.append(_GROUP_S)
+        return False
+
+    def _gather_tasks(self, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        if self._polls:
+            left_s = self._poll_s - time.monotonic()
+            if left_s <= 0:
+                self._tasks.extendleft([self._polls.popleft() for _ in range(len(self._polls))])
+            else:
+                waits.append(left_s)
+        count = len(self._tasks)
+        if count:
+            found.extend(reversed([self._tasks.popleft() for _ in range(count)]))
+
+    def _gather_timers(self, handle: Any, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        for timer in list(node.timers):
+            state = timer.handle
+            left_ns = state.time_until_next_call()
+            if left_ns is None:
+                continue
+            if left_ns > 0:
+                if state.clock.runs:
+                    waits.append(left_ns / 1e9)
+            elif id(timer) not in self._handed:
+                self._choose(TimerWork(timer, timer.callback_group, node), found, waits)
+        own = handle.timers
+        while (due_s := own.next_due_s()) is not None:
+            now_s = own.now_s()
+            if due_s > now_s:
+                if not own.paused:
+                    waits.append(due_s - now_s)
+                return
+            found.append(NativeTimerWork(own.pop_due(), None, node))
+
+    def _gather_guards(self, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        for guard in list(node.guards):
+            if guard.handle.triggered and id(guard) not in self._handed:
+                self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
+
+    def _gather_waitables(self, node: Any, executor: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        waitables = list(node.waitables)
+        if not waitables:
+            return
+        asked = []
+        wait_set = WaitSet()
+        for waitable in waitables:
+            work = WaitableWork(waitable, node, executor)
+            if id(waitable) not in self._handed and self._choose(work, [], waits):
+                try:
+                    with waitable:
+                        waitable.get_num_entities()
+                        waitable.add_to_wait_set(wait_set)
+                except InvalidHandle:  # what it waits for was destroyed
+                    continue
+                asked.append(work)
+        patience_s = wait_set.look()
+        if patience_s is not None:
+            waits.append(patience_s)
+        found.extend(work for work in asked if work.source.is_ready(wait_set))
+
+    def _gather_mail(self, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        ingress = self.ingress()
+        if ingress is None:
+            return
+        ingress.collect()
+        parked, self._parked = self._parked, []
+        for mailbox in (*parked, *ingress.take_ready(self.queue)):
+            node: Any = self._nodes.get(mailbox.owner)
+            if node is None or not mailbox.pending or mailbox.busy:
+                ingress.requeue(mailbox)
+                continue
+            work = MailWork(mailbox, mailbox.group, node)
+            if not self._choose(work, found, waits):
+                self._parked.append(mailbox)
+
+    # -- the end ---------------------------------------------------------------------------------------------------
+
+    def clear(self) -> None:
+        """Give back everything."""
+        with self._lock:
+            self._nodes = {}
+            self._give_back(lambda work: True)
+            self._entries.clear()
+            self._tasks.clear()
+            self._polls.clear()
+
+    def _give_back(self, chosen: Callable[[Work], bool]) -> None:
+        entries = list(self._entries)
+        self._entries.clear()
+        for entry in entries:
+            if isinstance(entry, Work) and chosen(entry):
+                entry.give_back()
+            else:
+                self._entries.append(entry)
+        for work in [work for work in self._handed.values() if chosen(work)]:
+            del self._handed[id(work.source)]
+            work.give_back()
+        parked, self._parked = self._parked, []
+        for mailbox in parked:
+            mailbox.owner.ingress.requeue(mailbox)  # type: ignore[attr-defined]
