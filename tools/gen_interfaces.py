@@ -25,6 +25,7 @@ from metaros.idl import (  # noqa: E402
     default_catalogue,
 )
 from metaros.idl.arrays import DTYPES  # noqa: E402
+from metaros.idl.catalogue import shipped_names  # noqa: E402
 from metaros.idl.derived import derived_definitions  # noqa: E402
 
 ROOT = REPOSITORY / "metaros" / "interfaces"
@@ -37,7 +38,7 @@ def render() -> dict[Path, str]:
     """Every file that belongs below `metaros/interfaces`, with its text."""
     catalogue = default_catalogue()
     packages: dict[str, dict[str, list[str]]] = {}
-    for name in catalogue.names():
+    for name in shipped_names():
         package, kind, _ = name.split("/")
         packages.setdefault(package, {}).setdefault(kind, []).append(name)
     files = {ROOT / "__init__.py": _ROOT_MODULE}

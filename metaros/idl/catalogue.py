@@ -6,11 +6,12 @@ definition's text. A package is read when one of its interfaces is first asked f
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from metaros.errors import ConfigError, DefinitionError, UnknownTypeError
 from metaros.idl.class_shape import NATIVE, ClassShape
@@ -19,10 +20,14 @@ from metaros.idl.derived import derived_definitions, root_names, whole_message
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.limits import LIMITS
 
+if TYPE_CHECKING:
+    from metaros.idl.folders import Folders
+
 __all__ = ["RELEASES", "Catalogue", "default_catalogue", "parse_definition", "release_catalogue", "shipped_names"]
 
 RELEASES = ("jazzy", "kilted", "lyrical")
 
+_VARIABLES = ("METAROS_INTERFACE_PATH", "AMENT_PREFIX_PATH")  # of `metaros.idl.folders`
 _DATA = Path(__file__).parent / "catalogue_data"
 _PARSERS: dict[str, Callable[[str, str], Definition]] = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
 T = TypeVar("T")
@@ -66,7 +71,7 @@ class Catalogue:
         """The definition of `name`, or `UnknownTypeError`."""
         definition = self._find(name)
         if definition is None:
-            raise UnknownTypeError(f"no interface {name!r} in the catalogue")
+            raise self._unknown(name)
         return definition
 
     def message(self, name: str) -> MessageDefinition:
@@ -140,6 +145,11 @@ class Catalogue:
                     made = self._made[key] = build()
         return cast("T", made)
 
+    def _unknown(self, name: str) -> UnknownTypeError:
+        if self._base is not None:
+            return self._base._unknown(name)
+        return UnknownTypeError(f"no interface {name!r} in the catalogue")
+
     def _find(self, name: str) -> Definition | None:
         found = self._lookup(name)
         return found if found is not None or self._base is None else self._base._find(name)
@@ -175,10 +185,12 @@ class Catalogue:
 
 
 class _ShippedCatalogue(Catalogue):
-    """The catalogue that reads `catalogue_data` on demand."""
+    """The catalogue that reads `catalogue_data` on demand, and folders that the environment names."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, folders: bool = True) -> None:
         super().__init__()
+        self._with_folders = folders
+        self._folders: Folders | None = None
         self._unread = {path.stem: path for path in _DATA.glob("*.txt")}
         self._texts: dict[str, str] = {}
 
@@ -189,9 +201,8 @@ class _ShippedCatalogue(Catalogue):
         with self._lock:
             self._read(name.split("/", 1)[0])
             for candidate in (name, *root_names(name)):
-                text = self._texts.pop(candidate, None)
-                if text is not None:
-                    definition = parse_definition(text, candidate)
+                definition = None if candidate in self._own else self._take(candidate)
+                if definition is not None:
                     self._own[candidate] = definition
                     self._derived.update(derived_definitions(definition))
             return super()._lookup(name)
@@ -200,12 +211,33 @@ class _ShippedCatalogue(Catalogue):
         with self._lock:
             for package in list(self._unread):
                 self._read(package)
-            return iter([*self._own, *self._texts])
+            folders = self._open_folders()
+            return iter([*self._own, *self._texts, *(folders.names() if folders else ())])
 
     def _listed_of(self, package: str) -> Iterator[str]:
         with self._lock:
             self._read(package)
-            return iter([*self._own, *self._texts])
+            folders = self._open_folders()
+            return iter([*self._own, *self._texts, *(folders.names(package) if folders else ())])
+
+    def _take(self, name: str) -> Definition | None:
+        text = self._texts.pop(name, None)
+        shipped = None if text is None else parse_definition(text, name)
+        folders = self._open_folders()
+        return folders.choose(name, shipped) if folders else shipped
+
+    def _open_folders(self) -> Folders | None:
+        """What looks into folders; its module is loaded only where the environment names some."""
+        if self._folders is None and self._with_folders and any(map(os.environ.get, _VARIABLES)):
+            from metaros.idl.folders import Folders
+
+            self._folders = Folders()
+        return self._folders
+
+    def _unknown(self, name: str) -> UnknownTypeError:
+        troubles = self._folders.troubles if self._folders else {}
+        trouble = next((troubles[item] for item in (name, *root_names(name)) if item in troubles), "")
+        return UnknownTypeError(f"no interface {name!r} in the catalogue{': ' if trouble else ''}{trouble}")
 
     def _read(self, package: str) -> None:
         path = self._unread.pop(package, None)
@@ -223,7 +255,7 @@ def default_catalogue() -> Catalogue:
 
 def shipped_names() -> list[str]:
     """The sorted names of the interfaces that come with the library, without what the program added."""
-    return _ShippedCatalogue().names()
+    return _ShippedCatalogue(folders=False).names()
 
 
 @cache

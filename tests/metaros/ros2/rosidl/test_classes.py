@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from metaros.cdr import codec
-from metaros.idl import Catalogue, message_class, parse_action, parse_msg, parse_srv
+from metaros.idl import Catalogue, message_class, parse_definition
 from metaros.idl.catalogue import default_catalogue
 from metaros.ros2.rosidl.catalogue import interface
 from metaros.ros2.rosidl.parser.definition import (
@@ -28,7 +28,7 @@ from metaros.ros2.rosidl.parser.definition import (
 
 def make(text: str, name: str = "p/msg/N") -> Any:
     catalogue = Catalogue(base=default_catalogue())
-    catalogue.add({"msg": parse_msg, "srv": parse_srv, "action": parse_action}[name.split("/")[1]](text, name))
+    catalogue.add(parse_definition(text, name))
     return interface(name, catalogue)
 
 

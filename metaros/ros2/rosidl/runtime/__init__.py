@@ -1,0 +1,35 @@
+"""`rosidl_runtime_py`: messages as dicts, YAML and CSV, messages filled from dicts, and classes by name."""
+
+from __future__ import annotations
+
+from metaros.ros2.rosidl.runtime.convert import (
+    get_message_slot_types,
+    message_to_csv,
+    message_to_ordereddict,
+    message_to_yaml,
+)
+from metaros.ros2.rosidl.runtime.get_interfaces import (
+    get_action_interfaces,
+    get_interface_packages,
+    get_interface_path,
+    get_interfaces,
+    get_message_interfaces,
+    get_service_interfaces,
+)
+from metaros.ros2.rosidl.runtime.import_message import import_message_from_namespaced_type
+from metaros.ros2.rosidl.runtime.set_message import set_message_fields
+
+__all__ = [
+    "get_action_interfaces",
+    "get_interface_packages",
+    "get_interface_path",
+    "get_interfaces",
+    "get_message_interfaces",
+    "get_message_slot_types",
+    "get_service_interfaces",
+    "import_message_from_namespaced_type",
+    "message_to_csv",
+    "message_to_ordereddict",
+    "message_to_yaml",
+    "set_message_fields",
+]
