@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from metaros.cli.graph_target.target import GraphTarget, graph_command
 from metaros.cli.shared.options import Format, FormatOption
 from metaros.errors import UnknownTypeError
 
 if TYPE_CHECKING:
-    from metaros.idl import MessageDefinition
+    from metaros.cli.graph_target.interfaces import ShownInterface
+    from metaros.idl import Catalogue, MessageDefinition
 
 __all__ = ["register"]
 
@@ -81,20 +83,20 @@ def package(
 
 
 @group.command("proto")
+@graph_command
 def proto(
+    target: GraphTarget,
     type_name: TypeArgument,
     no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Without the quotes around it.")] = False,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Print a message with its default values, to copy, change and publish; of a service or action what one sends."""
-    from metaros.cli.shared.output import Output
     from metaros.cli.shared.render import message_yaml, plain
     from metaros.idl import message_class
 
-    full = _full(type_name)
-    kind: Any = message_class(full)
+    found, out = _find(target, type_name), target.out
+    full = found.name
+    kind: Any = message_class(full, found.catalogue)
     message = (kind.Request if "/srv/" in full else kind.Goal if "/action/" in full else kind)()
-    out = Output(output)
     if out.json:
         out.objects(plain(message))
     else:
@@ -103,17 +105,15 @@ def proto(
 
 
 @group.command("hash")
-def hash_(
-    type_name: TypeArgument,
-    output: FormatOption = Format.TEXT,
-) -> None:
+@graph_command
+def hash_(target: GraphTarget, type_name: TypeArgument) -> None:
     """Print a type's RIHS01 hash; of a service or action the hashes of all that goes over the wire."""
-    from metaros.cli.shared.output import Output
     from metaros.idl import type_hash
 
-    full = _full(type_name)
-    hashes = {name: type_hash(name) for name in (full, *(f"{full}{suffix}" for suffix in _on_the_wire(full)))}
-    out = Output(output)
+    found, out = _find(target, type_name), target.out
+    full = found.name
+    names = (full, *(f"{full}{suffix}" for suffix in _on_the_wire(full)))
+    hashes = {name: type_hash(name, found.catalogue) for name in names}
     if out.json:
         out.objects(hashes)
     elif len(hashes) == 1:
@@ -123,25 +123,32 @@ def hash_(
 
 
 @group.command("show")
-def show(
-    type_name: TypeArgument,
-    output: FormatOption = Format.TEXT,
-) -> None:
-    """Show a type's fields, nested ones indented below theirs, and its hash."""
-    from metaros.cli.shared.output import Output
-    from metaros.idl import default_catalogue, type_hash
+@graph_command
+def show(target: GraphTarget, type_name: TypeArgument) -> None:
+    """Show a type's fields, nested ones below theirs, and its hash; running nodes are asked what is not known here."""
+    from metaros.idl import type_hash
 
-    full = _full(type_name)
-    out = Output(output)
+    found, out = _find(target, type_name), target.out
+    full, catalogue = found.name, found.catalogue
     if out.json:
         from metaros.idl.schema import definition_text
 
-        definition = default_catalogue().get(full)
-        out.objects({"name": full, "hash": type_hash(full), "definition": definition_text(definition)})
+        text = definition_text(catalogue.get(full))
+        source = {"told_by": found.told_by} if found.told_by else {}
+        out.objects({"name": full, "hash": type_hash(full, catalogue), "definition": text, **source})
         return
-    out.line(out.style(f"# {full}  {type_hash(full)}", "2"))
-    for line in _interface(full):
+    out.line(out.style(f"# {full}  {type_hash(full, catalogue)}", "2"))
+    if found.told_by:
+        out.line(out.style(f"# told by {found.told_by}", "2"))
+    for line in _interface(full, catalogue):
         out.line(line)
+
+
+def _find(target: GraphTarget, type_name: str) -> ShownInterface:
+    """A type as typed, `std_msgs/String` or `std_srvs/Trigger`: of the catalogue, else asked for."""
+    from metaros.cli.graph_target.interfaces import find_shown
+
+    return find_shown(target, type_name)
 
 
 def _names(*, messages: bool = False, services: bool = False, actions: bool = False) -> list[str]:
@@ -152,18 +159,6 @@ def _names(*, messages: bool = False, services: bool = False, actions: bool = Fa
     return [name for name in default_catalogue().names() if not wanted or name.split("/")[1] in wanted]
 
 
-def _full(name: str) -> str:
-    """A type as typed, `std_msgs/String` or `std_srvs/Trigger`, with its kind."""
-    from metaros.cli.shared.types import full_type
-    from metaros.idl import default_catalogue
-
-    names = default_catalogue()
-    package, *rest = name.split("/")
-    kinds = ("msg", "srv", "action")
-    kind = next((kind for kind in kinds if len(rest) == 1 and f"{package}/{kind}/{rest[0]}" in names), "msg")
-    return full_type(name, kind)
-
-
 def _on_the_wire(name: str) -> tuple[str, ...]:
     """What is sent for a type: a service's messages, an action's services and topic."""
     if "/srv/" in name:
@@ -171,10 +166,10 @@ def _on_the_wire(name: str) -> tuple[str, ...]:
     return ("_SendGoal", "_GetResult", "_FeedbackMessage") if "/action/" in name else ()
 
 
-def _interface(name: str) -> Iterator[str]:
-    from metaros.idl import ActionDefinition, ServiceDefinition, default_catalogue
+def _interface(name: str, catalogue: Catalogue) -> Iterator[str]:
+    from metaros.idl import ActionDefinition, ServiceDefinition
 
-    definition = default_catalogue().get(name)
+    definition = catalogue.get(name)
     parts: tuple[MessageDefinition, ...]
     match definition:
         case ServiceDefinition(request=request, response=response):
@@ -186,17 +181,14 @@ def _interface(name: str) -> Iterator[str]:
     for number, part in enumerate(parts):
         if number:
             yield "---"
-        yield from _message(part, "")
+        yield from _message(part, "", catalogue)
 
 
-def _message(definition: MessageDefinition, indent: str) -> Iterator[str]:
-    from metaros.idl import default_catalogue
-
+def _message(definition: MessageDefinition, indent: str, catalogue: Catalogue) -> Iterator[str]:
     for constant in definition.constants:
         yield f"{indent}{constant.type.text()} {constant.name}={constant.value!r}"
     for field in definition.fields:
         default = f" {field.default!r}" if field.default is not None else ""
         yield f"{indent}{field.type.text()} {field.name}{default}"
         if field.type.is_nested:
-            nested = default_catalogue().get(field.type.base)
-            yield from _message(nested, indent + "\t")  # type: ignore[arg-type]  # fields are messages only
+            yield from _message(catalogue.message(field.type.base), indent + "\t", catalogue)

@@ -115,9 +115,8 @@ def call(
 ) -> None:
     """Call a service and print its response."""
     from metaros.cli.shared.render import message_yaml, plain
-    from metaros.cli.shared.types import full_type, parse_values
+    from metaros.cli.shared.types import parse_values
     from metaros.errors import TimeoutError_
-    from metaros.idl import message_class
     from metaros.idl.json import from_json
 
     out = target.out
@@ -125,9 +124,11 @@ def call(
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
     with target.node() as node:
-        full = _type_of(node.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
-        kind: Any = message_class(full)
-        request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
+        full = _type_of(node.graph, name, type_or_values)
+        hashes = [end.type_hash for end in node.graph.endpoints(name, "SS") if end.type_name == full]
+        kind: Any = node.fetch_interface(full, hashes[0], timeout_s=timeout)
+        catalogue = kind.Request.__metaros_catalogue__
+        request = from_json(kind.Request, parse_values(values, f"{full}_Request", catalogue))
         client = node.create_client(kind, name)
         if not client.wait_for_service(min(timeout, max(target.spin_time, 0.1))):
             raise TimeoutError_(f"{name} does not answer: its node may have stopped")
@@ -145,15 +146,12 @@ def _services(graph: Graph | RemoteGraph) -> dict[str, list[str]]:
     return {name: sorted(types) for name, types in sorted(found.items())}
 
 
-def _type_of(graph: Graph | RemoteGraph, name: str, wanted: str) -> str:
+def _type_of(graph: Graph | RemoteGraph, name: str, typed: str) -> str:
     """The type that the service's server declares; UnavailableError where there is none."""
     from metaros.cli.shared.names import no_such
-    from metaros.errors import UsageError
+    from metaros.cli.shared.types import type_in_use
 
     services = _services(graph)
     if name not in services:
         raise no_such("service", name, services)
-    types = services[name]
-    if wanted and wanted not in types:
-        raise UsageError(f"{name} is a {' or '.join(types)}, not a {wanted}")
-    return wanted or types[0]
+    return type_in_use(name, typed, "srv", services[name])

@@ -63,10 +63,7 @@ def send_goal(
 ) -> None:
     """Send a goal and wait for its result; Ctrl-C cancels it. Exit code 1 unless it succeeds."""
     from metaros.cli.shared import running
-    from metaros.cli.shared.types import full_type, parse_values
     from metaros.errors import TimeoutError_
-    from metaros.idl import message_class
-    from metaros.idl.json import from_json
     from metaros.node import Node
 
     out, name = target.out, target.absolute(action)
@@ -76,11 +73,11 @@ def send_goal(
         _send_remote(target, target.robot, name, type_or_values, values, feedback=feedback, timeout_s=timeout)
         return
     with target.connect() as context:
-        full = _type_of(context.graph, name, full_type(type_or_values, "action") if type_or_values else "")
-        kind: Any = message_class(full)
-        goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
+        full = _type_of(context.graph, name, type_or_values)
         with Node("metaros_cli", context=context, enable_rosout=False) as node, _spinning(node):
-            buffer = _FeedbackBuffer()
+            hashes = [end.type_hash for end in context.graph.endpoints(f"{name}/_action/send_goal", "SS")]
+            kind: Any = node.fetch_interface(full, hashes[0] if hashes else "", timeout_s=timeout)
+            goal, buffer = _goal(kind, values), _FeedbackBuffer()
             client = node.create_action_client(kind, name)
             if not client.wait_for_server(min(timeout, max(target.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
@@ -95,22 +92,29 @@ def _send_remote(
 ) -> None:
     """The same for a remote robot."""
     from metaros.cli.remote.goal import follow_goal
-    from metaros.cli.shared.types import full_type, parse_values
+    from metaros.cli.remote.interfaces import find_remote_interface
     from metaros.idl import message_class
-    from metaros.idl.json import from_json
 
     with target.open_graph() as graph:
-        full = _type_of(graph, name, full_type(type_name, "action") if type_name else "")
-    kind: Any = message_class(full)
-    goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
-    follow_goal(robot, target.out, name, kind, goal, feedback=feedback, timeout_s=timeout_s)
+        full = _type_of(graph, name, type_name)
+    kind: Any = message_class(full, find_remote_interface(robot, full)[0])
+    follow_goal(robot, target.out, name, kind, _goal(kind, values), feedback=feedback, timeout_s=timeout_s)
 
 
-def _type_of(graph: Graph | RemoteGraph, name: str, wanted: str) -> str:
+def _goal(kind: Any, values: str) -> Any:
+    """The goal that was typed."""
+    from metaros.cli.shared.types import parse_values
+    from metaros.idl.json import from_json
+
+    part = kind.Goal
+    return from_json(part, parse_values(values, part.__metaros_name__, part.__metaros_catalogue__))
+
+
+def _type_of(graph: Graph | RemoteGraph, name: str, typed: str) -> str:
     """The type that the action's server declares; UnavailableError where there is none."""
     from metaros.cli.graph.model import build_graph_model
     from metaros.cli.shared.names import no_such
-    from metaros.errors import UsageError
+    from metaros.cli.shared.types import type_in_use
 
     links = {
         link.name: link
@@ -119,10 +123,7 @@ def _type_of(graph: Graph | RemoteGraph, name: str, wanted: str) -> str:
     }
     if name not in links:
         raise no_such("action", name, links)
-    types = links[name].types
-    if wanted and wanted not in types:
-        raise UsageError(f"{name} is a {' or '.join(types)}, not a {wanted}")
-    return wanted or types[0]
+    return type_in_use(name, typed, "action", links[name].types)
 
 
 @contextmanager

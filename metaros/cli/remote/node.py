@@ -25,6 +25,13 @@ class RemoteNode:
         """A name from the root."""
         return self._robot.absolute(name)
 
+    def fetch_interface(self, type_name: str, type_hash: str = "", *, timeout_s: float = 5.0) -> Any:
+        """The class of a type as the robot has it, see `metaros.Node.fetch_interface`; the gateway answers at once."""
+        from metaros.cli.remote.interfaces import find_remote_interface
+        from metaros.idl import message_class
+
+        return message_class(type_name, find_remote_interface(self._robot, type_name, type_hash)[0])
+
     def create_client(self, service_type: Any, name: str, qos: object = None) -> RemoteClient:
         """A client of a service of the robot; the profile is the agent's business."""
         return RemoteClient(self._robot, self.graph, service_type, self.resolve(name))

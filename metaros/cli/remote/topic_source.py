@@ -135,13 +135,9 @@ class RemoteTopicSource:
 
     def _catalogue(self, kind: str, type_hash: str) -> Catalogue:
         """Ours where it has that very type, else what the robot announced of it."""
-        from metaros.idl import Catalogue, add_schema_text, catalogue_of
+        from metaros.cli.remote.interfaces import find_remote_interface
 
-        if (known := catalogue_of(kind, type_hash)) is not None:
-            return known
-        text = self._robot.http.get(self._robot.path("types", *kind.split("/"))).get("text")
-        if not text:
-            raise UnknownTypeError(f"nobody tells the definition of {kind}\nuse --raw to see the bytes")
-        learned = Catalogue()
-        add_schema_text(kind, text, learned)
-        return learned
+        try:
+            return find_remote_interface(self._robot, kind, type_hash)[0]
+        except UnknownTypeError as error:
+            raise UnknownTypeError(f"{error}\nuse --raw to see the bytes") from None

@@ -25,8 +25,7 @@ def no_such(what: str, name: str, known: Iterable[str]) -> UnavailableError:
 
 def known_type(name: str, kind: str, in_use: Collection[str]) -> str:
     """The full name of a type that is in use in the graph or in the catalogue; UnknownTypeError otherwise."""
-    from metaros.cli.shared.types import full_type
+    from metaros.cli.shared.types import expand, full_type
 
-    parts = name.split("/")
-    full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
+    full = expand(name, kind)
     return full if full in in_use else full_type(name, kind)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from metaros.cli.shared.connection import absolute, closest
-from metaros.cli.shared.types import full_type
+from metaros.cli.shared.types import expand, full_type
 from metaros.errors import MetarosError, TypeHashError, UnavailableError, UnknownTypeError, UsageError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     Unless `raw`, its definition is needed: that of the catalogue, if the hash is the publishers', else theirs.
     """
     name = absolute(topic)
-    wanted = _full_name(type_name) if type_name else ""
+    wanted = expand(type_name) if type_name else ""
     context.graph.wait_for(lambda: bool(_matching(context, name, wanted)), spin_time)
     if spin_time > 0:
         context.graph.settle(spin_time)  # its other publishers, of other types perhaps
@@ -68,12 +68,6 @@ def sensible_qos(offered: list[QoSProfile]) -> QoSProfile:
         durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
         depth=100,
     )
-
-
-def _full_name(type_name: str) -> str:
-    """`std_msgs/String` in full; whether there is such a type is not asked: a peer's need not be in the catalogue."""
-    parts = type_name.split("/")
-    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else type_name
 
 
 def _matching(context: Context, name: str, wanted: str) -> list[EndpointInfo]:

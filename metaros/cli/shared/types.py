@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
 
 from metaros.errors import FieldError, UnknownTypeError, UsageError
 
-__all__ = ["full_type", "parse_values"]
+if TYPE_CHECKING:
+    from metaros.idl import Catalogue
+
+__all__ = ["expand", "full_type", "parse_values", "type_in_use"]
+
+
+def expand(name: str, kind: str = "msg") -> str:
+    """`std_msgs/String` in full; whether there is such a type is not asked: a peer's need not be in the catalogue."""
+    parts = name.split("/")
+    return f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
+
+
+def type_in_use(what: str, typed: str, kind: str, types: Collection[str]) -> str:
+    """The one of the `types` of a service or an action that is meant; UsageError where the typed one is none of them.
+
+    UnknownTypeError, with near matches, where that is no type at all.
+    """
+    wanted = expand(typed, kind) if typed else sorted(types)[0]
+    if wanted in types:
+        return wanted
+    fact = f"{what} is a {' or '.join(sorted(types))}"
+    try:
+        wanted = full_type(typed, kind)
+    except UnknownTypeError as error:
+        raise UnknownTypeError(f"{error}\n{fact}") from None
+    raise UsageError(f"{fact}, not a {wanted}")
 
 
 def full_type(name: str, kind: str = "msg") -> str:
@@ -15,15 +41,14 @@ def full_type(name: str, kind: str = "msg") -> str:
     from metaros.idl import default_catalogue
 
     catalogue = default_catalogue()
-    parts = name.split("/")
-    full = f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
+    full = expand(name, kind)
     if full in catalogue:
         return full
     hint = closest(full, catalogue.names(kind)) or f"`metaros interface list` shows all {len(catalogue.names())}"
     raise UnknownTypeError(f"no interface {full!r} in the catalogue\n{hint}")
 
 
-def parse_values(text: str, type_name: str) -> dict[str, Any]:
+def parse_values(text: str, type_name: str, catalogue: Catalogue | None = None) -> dict[str, Any]:
     """YAML (JSON is YAML too) as a dictionary of fields; what is left out keeps its default."""
     import yaml
 
@@ -31,18 +56,20 @@ def parse_values(text: str, type_name: str) -> dict[str, Any]:
         value = yaml.safe_load(text) if text.strip() else {}
     except yaml.YAMLError as error:
         problem = str(error).splitlines()[0]
-        raise UsageError(f"the values are no YAML: {problem}\nexample: {example(type_name)!r}") from None
+        raise UsageError(f"the values are no YAML: {problem}\nexample: {example(type_name, catalogue)!r}") from None
     if not isinstance(value, dict):
-        raise FieldError(f"the values of a {type_name} are fields, not {text!r}\nexample: {example(type_name)!r}")
+        raise FieldError(
+            f"the values of a {type_name} are fields, not {text!r}\nexample: {example(type_name, catalogue)!r}"
+        )
     return value
 
 
-def example(type_name: str) -> str:
+def example(type_name: str, catalogue: Catalogue | None = None) -> str:
     """Values for the first fields of a message, as one could type them."""
     from metaros.idl import default_catalogue
 
     samples = {"bool": "true", "string": "text", "wstring": "text", "float32": "0.5", "float64": "0.5"}
-    definition = default_catalogue().get(type_name)
+    definition = (catalogue or default_catalogue()).get(type_name)
     fields = getattr(definition, "fields", ())[:2]
     parts = []
     for field in fields:

@@ -13,10 +13,14 @@ from metaros.concurrency.waiting import pause
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from metaros.cli.remote.robot import RemoteRobot
     from metaros.cli.shared.output import Output
-    from metaros.node import Context
+    from metaros.node import Context, Node
 
 __all__ = ["pub"]
+
+_ASK_S = 2.0  # for each node that is asked what its type is
+_SETTLE_S = 1.0  # for the router to say who is there
 
 
 def pub(
@@ -49,18 +53,22 @@ def pub(
     gateway: GatewayOption = "",
 ) -> None:
     """Publish to a topic; `--once` waits for a subscriber, so that the one message is heard."""
+    from metaros.cli.remote.interfaces import find_remote_interface
+    from metaros.cli.remote.robot import RemoteRobot
     from metaros.cli.shared.connection import absolute, connect
     from metaros.cli.shared.output import Output
-    from metaros.cli.shared.types import full_type, parse_values
-    from metaros.idl import message_class
-    from metaros.idl.json import from_json
+    from metaros.cli.shared.types import expand
+    from metaros.idl import default_catalogue, message_class
     from metaros.node import Node
 
-    out = Output()
-    full = full_type(type_name)
-    message = from_json(message_class(full), parse_values(values, full))
+    out, full = Output(), expand(type_name)
+    kind = message_class(full) if full in default_catalogue() else None
+    message = None if kind is None else _message(kind, values)  # what is wrong is said before anything is opened
     if robot:
-        send = _remote(robot, gateway, topic, full, lease)
+        place = RemoteRobot(robot, gateway)
+        if kind is None:
+            kind = message_class(full, find_remote_interface(place, full)[0])
+        message, send = _message(kind, values) if message is None else message, _remote(place, topic, kind, lease)
         _publish(send, message, out, rate=rate, times=1 if once else times, quiet=quiet)
         return
     name = absolute(topic)
@@ -68,7 +76,10 @@ def pub(
         connect(zenoh_port, domain) as context,
         Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node,
     ):
-        publisher = node.create_publisher(message_class(full), name, 10)
+        if kind is None:
+            kind = _as_told(node, name, full)
+        message = _message(kind, values) if message is None else message
+        publisher = node.create_publisher(kind, name, 10)
         needed = wait if wait is not None else int(once or times > 0)
         if needed and not context.graph.wait_for(lambda: _subscribers(context, name, full) >= needed, wait_timeout):
             out.note(f"no subscriber on {name} within {wait_timeout:g} s: publishing all the same")
@@ -79,13 +90,36 @@ def _subscribers(context: Context, topic: str, type_name: str) -> int:
     return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS"))
 
 
-def _remote(robot: str, gateway: str, topic: str, type_name: str, lease: str) -> Callable[[Any], object]:
+def _message(kind: type[Any], values: str) -> Any:
+    """What was typed."""
+    from metaros.cli.shared.types import parse_values
+    from metaros.idl.json import from_json
+
+    return from_json(kind, parse_values(values, kind.__metaros_name__, kind.__metaros_catalogue__))
+
+
+def _as_told(node: Node, topic: str, type_name: str) -> type[Any]:
+    """A type that only nodes know: as those of the topic have it, else any; with near matches where none does."""
+    from metaros.cli.shared.types import full_type
+    from metaros.errors import UnknownTypeError
+    from metaros.node.introspection import hash_in_use
+
+    node.graph.settle(_SETTLE_S)
+    if not hash_in_use(node, type_name):
+        try:
+            full_type(type_name)
+        except UnknownTypeError as error:
+            raise UnknownTypeError(f"{error}\nand no node that is there now uses it") from None
+    heard = [end.type_hash for end in node.graph.endpoints(topic) if end.type_name == type_name]
+    return node.fetch_interface(type_name, heard[0] if heard else "", timeout_s=_ASK_S)
+
+
+def _remote(place: RemoteRobot, topic: str, kind: type[Any], lease: str) -> Callable[[Any], object]:
     """Sends messages to a remote robot, byte for byte; returns when the robot has published one."""
     from metaros.cdr import codec
-    from metaros.cli.remote.robot import RemoteRobot
 
-    place, encode = RemoteRobot(robot, gateway), codec(type_name).encode
-    query = {"topic": place.absolute(topic), "type": type_name, "lease_id": lease or None}
+    encode = codec(kind).encode
+    query = {"topic": place.absolute(topic), "type": kind.__metaros_name__, "lease_id": lease or None}
     return lambda message: place.http.send_bytes(
         place.path("publish"), encode(message), kind="application/cdr", **query
     )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         fetch_type,
         fetch_type_async,
         find_interface,
+        hash_in_use,
         users_of,
     )
 
@@ -26,6 +27,7 @@ __all__ = [
     "fetch_type",
     "fetch_type_async",
     "find_interface",
+    "hash_in_use",
     "offer_logger_levels",
     "offer_type_description",
     "users_of",

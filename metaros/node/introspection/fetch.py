@@ -28,6 +28,7 @@ __all__ = [
     "fetch_type",
     "fetch_type_async",
     "find_interface",
+    "hash_in_use",
     "users_of",
 ]
 
