@@ -33,6 +33,15 @@ STRING = "std_msgs/msg/String"
 ADD = "example_interfaces/srv/AddTwoInts"
 
 
+@pytest.fixture(name="own_context")
+def _own_context(ros2_router: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
+    """A context of the test's own, not yet initialised."""
+    monkeypatch.setenv("METAROS_ZENOH_PORT", ros2_router)
+    context = Context()
+    yield context
+    context.try_shutdown()
+
+
 @pytest.fixture(name="node")
 def _node(rclpy_context: Context) -> Iterator[Node]:
     with create_node("probe", context=rclpy_context, namespace="/lab") as node:
@@ -72,19 +81,15 @@ def test_names_that_are_none(rclpy_context: Context) -> None:
         create_node("name", context=rclpy_context, cli_args=["--ros-args", "--my-flag"])
 
 
-def test_arguments_of_the_context_count_unless_the_node_says_no() -> None:
-    context = Context()
-    context.init(args=["--ros-args", "-r", "__node:=global_name", "-r", "foo:=bar"])
-    try:
-        with create_node("mine", context=context, namespace="/ns") as node:
-            assert node.get_name() == "global_name"
-            assert [node.resolve_topic_name("foo"), node.resolve_service_name("foo")] == ["/ns/bar"] * 2
-            assert node.resolve_topic_name("foo", only_expand=True) == "/ns/foo"
-        with create_node("mine", context=context, use_global_arguments=False) as node:
-            assert node.get_name() == "mine"
-            assert node.resolve_topic_name("foo") == "/foo"
-    finally:
-        context.shutdown()
+def test_arguments_of_the_context_count_unless_the_node_says_no(own_context: Context) -> None:
+    own_context.init(args=["--ros-args", "-r", "__node:=global_name", "-r", "foo:=bar"])
+    with create_node("mine", context=own_context, namespace="/ns") as node:
+        assert node.get_name() == "global_name"
+        assert [node.resolve_topic_name("foo"), node.resolve_service_name("foo")] == ["/ns/bar"] * 2
+        assert node.resolve_topic_name("foo", only_expand=True) == "/ns/foo"
+    with create_node("mine", context=own_context, use_global_arguments=False) as node:
+        assert node.get_name() == "mine"
+        assert node.resolve_topic_name("foo") == "/foo"
 
 
 def test_a_topic_is_remapped_once(rclpy_context: Context) -> None:
@@ -99,7 +104,7 @@ def test_endpoints_and_their_errors(node: Node) -> None:
     string, add = interface(STRING), interface(ADD)
 
     def create(kind: str, name: str, qos: Any = 1) -> Any:
-        made = {
+        made: dict[str, Any] = {
             "publisher": lambda: node.create_publisher(string, name, qos),
             "subscription": lambda: node.create_subscription(string, name, print, qos),
             "client": lambda: node.create_client(add, name),
@@ -197,7 +202,7 @@ def test_a_publishers_subclass_may_have_its_own_publish(node: Node) -> None:
 
 def test_what_is_destroyed_is_gone_once(node: Node) -> None:
     string, add = interface(STRING), interface(ADD)
-    made = {
+    made: dict[str, Any] = {
         "publisher": node.create_publisher(string, "one", 1),
         "subscription": node.create_subscription(string, "one", print, 1),
         "client": node.create_client(add, "add"),
@@ -218,12 +223,13 @@ def test_what_is_destroyed_is_gone_once(node: Node) -> None:
         assert not destroy(entity), kind
     assert made["publisher"] not in list(node.publishers)
     assert not list(node.timers)
-    for call in (
+    calls: list[Any] = [
         lambda: made["publisher"].publish(string()),
         made["publisher"].get_subscription_count,
         lambda: made["client"].call_async(add.Request()),
         lambda: made["subscription"].topic_name,
-    ):
+    ]
+    for call in calls:
         with pytest.raises(InvalidHandle):
             call()
     with node.create_publisher(string, "two", 1) as publisher:
@@ -232,7 +238,7 @@ def test_what_is_destroyed_is_gone_once(node: Node) -> None:
         publisher.topic_name  # noqa: B018
 
 
-def test_a_node_is_destroyed_once_or_with_its_context(rclpy_context: Context) -> None:
+def test_a_node_is_destroyed_once_or_with_its_context(rclpy_context: Context, own_context: Context) -> None:
     node = create_node("gone", context=rclpy_context)
     publisher = node.create_publisher(interface(STRING), "one", 1)
     with node.handle:
@@ -246,11 +252,10 @@ def test_a_node_is_destroyed_once_or_with_its_context(rclpy_context: Context) ->
         publisher.publish(interface(STRING)())
     assert not list(node.publishers)
 
-    context = Context()
-    context.init(args=[])
-    node = create_node("gone_too", context=context)
+    own_context.init(args=[])
+    node = create_node("gone_too", context=own_context)
     publisher = node.create_publisher(interface(STRING), "one", 1)
-    context.shutdown()
+    own_context.shutdown()
     with pytest.raises(RCLError, match="context is not valid"):
         publisher.publish(interface(STRING)())
     node.destroy_node()
@@ -352,11 +357,15 @@ def test_waiting_for_nodes_and_messages(rclpy_context: Context, node: Node) -> N
         assert publisher.get_subscription_count() == 0
 
 
-def test_a_wait_for_a_message_ends_with_the_context() -> None:
-    context = Context()
-    context.init(args=[])
-    node = create_node("waits", context=context)
-    thread = threading.Thread(target=lambda: (wait_until(lambda: node.count_subscribers("/never")), context.shutdown()))
+def test_a_wait_for_a_message_ends_with_the_context(own_context: Context) -> None:
+    own_context.init(args=[])
+    node = create_node("waits", context=own_context)
+
+    def shut_down() -> None:
+        wait_until(lambda: node.count_subscribers("/never"))
+        own_context.shutdown()
+
+    thread = threading.Thread(target=shut_down)
     thread.start()
     assert wait_for_message(interface(STRING), node, "/never") == (False, None)
     thread.join()
