@@ -13,7 +13,8 @@ from typing import Final
 from edge_agent.ros.graph_snapshot import GraphEndpoint
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
-from metaros.idl import Catalogue, catalogue_of, default_catalogue, definition_text
+from metaros.idl import Catalogue, definition_text, type_hash
+from metaros.idl.catalogue import shipped_catalogue
 from metaros.idl.derived import root_names
 from metaros.limits import LIMITS, Limits
 from metaros.link.parse_cost import parse_cost
@@ -49,11 +50,10 @@ class GraphTypeDiscovery:
 
     def look(self, endpoints: Iterable[GraphEndpoint]) -> None:
         """See to it that the types of these become known; each is asked for once."""
-        shipped = default_catalogue()
         for endpoint in endpoints:
             key = (endpoint.type_name, endpoint.type_hash)
             new = _matters(endpoint) and key not in self._asked
-            if not new or catalogue_of(*key) is shipped or len(self._asked) >= self._limits.graph_types:
+            if not new or _everybody_has(key) or len(self._asked) >= self._limits.graph_types:
                 continue
             self._asked.add(key)
             task = asyncio.get_running_loop().create_task(self._learn(key))
@@ -93,9 +93,15 @@ def _matters(endpoint: GraphEndpoint) -> bool:
     return endpoint.kind == link_pb2.ENDPOINT_KIND_SUBSCRIPTION and "/msg/" in name and endpoint.type_hash != NO_HASH
 
 
+def _everybody_has(key: Key) -> bool:
+    """Whether the gateway has it: not what folders of this robot add."""
+    name, hash_text = key
+    return name in shipped_catalogue() and hash_text in (NO_HASH, type_hash(name, shipped_catalogue()))
+
+
 def type_text(key: Key, catalogue: Catalogue) -> link_pb2.TypeText:
     """A type with its parts, but for those that everybody has; of an action all of it."""
-    shipped, root = default_catalogue(), key[0].removesuffix(SEND_GOAL)
+    shipped, root = shipped_catalogue(), key[0].removesuffix(SEND_GOAL)
     text = link_pb2.TypeText(type_name=key[0], type_hash=key[1])
     for name in (root, *catalogue.dependencies(root)):
         definition = catalogue.get(name)

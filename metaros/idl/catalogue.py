@@ -23,7 +23,15 @@ from metaros.limits import LIMITS
 if TYPE_CHECKING:
     from metaros.idl.folders import Folders
 
-__all__ = ["RELEASES", "Catalogue", "default_catalogue", "parse_definition", "release_catalogue", "shipped_names"]
+__all__ = [
+    "RELEASES",
+    "Catalogue",
+    "default_catalogue",
+    "parse_definition",
+    "release_catalogue",
+    "shipped_catalogue",
+    "shipped_names",
+]
 
 RELEASES = ("jazzy", "kilted", "lyrical")
 
@@ -255,7 +263,13 @@ def default_catalogue() -> Catalogue:
 
 def shipped_names() -> list[str]:
     """The sorted names of the interfaces that come with the library, without what the program added."""
-    return _ShippedCatalogue(folders=False).names()
+    return shipped_catalogue().names()
+
+
+@cache
+def shipped_catalogue() -> Catalogue:
+    """What every copy of the library has, whatever folders and programs add to `default_catalogue` here."""
+    return _ShippedCatalogue(folders=False)
 
 
 @cache
