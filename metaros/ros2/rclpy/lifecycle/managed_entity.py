@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ParamSpec, TypeVar, overload
 
 from metaros.ros2.rclpy.lifecycle.transitions import LifecycleState, TransitionCallbackReturn
 
 __all__ = ["ManagedEntity", "SimpleManagedEntity"]
 
+P = ParamSpec("P")
+T = TypeVar("T")
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
@@ -61,6 +64,16 @@ class SimpleManagedEntity(ManagedEntity):
     def is_activated(self) -> bool:
         """Whether it is."""
         return self._enabled
+
+    @overload
+    @staticmethod
+    def when_enabled(wrapped: None = None, *, when_not_enabled: Callable[..., Any] | None = None) -> Decorator: ...
+
+    @overload
+    @staticmethod
+    def when_enabled(
+        wrapped: Callable[P, T], *, when_not_enabled: Callable[..., Any] | None = None
+    ) -> Callable[P, T | None]: ...
 
     @staticmethod
     def when_enabled(
