@@ -7,6 +7,10 @@ from typing import Final
 __all__ = ["HOMES"]
 
 HOMES: Final[dict[str, str]] = {
+    "action": "action",
+    "action.client": "action.client",
+    "action.graph": "action.graph",
+    "action.server": "action.server",
     "callback_groups": "execution.callback_groups",
     "client": "core.client",
     "clock": "time.clock",
