@@ -7,15 +7,16 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from metaros.errors import ConfigError, MetarosError, RecordingError
-from metaros.idl import Catalogue, add_schema_text, default_catalogue, names, type_hash
+from metaros.idl import names, type_hash
 from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.interfaces.rosgraph_msgs.msg import Clock as ClockMessage
 from metaros.node import Context, Node, RawPublisher
 from metaros.record.bag import Bag, BagMessage, BagTopic, open_bag
 from metaros.record.playback_clock import PlaybackClock
+from metaros.record.type_teller import TypeTeller, recorded_catalogue
 from metaros.wire import Congestion, Durability, QoSProfile, Reliability
 
 __all__ = ["Player", "PlayerReport"]
@@ -74,6 +75,7 @@ class Player:
         try:
             self._publishers = self._declare(remap or {})
             self._clock = self._node.create_publisher(ClockMessage, "/clock", _CLOCK_QOS) if clock_hz else None
+            self._teller = TypeTeller(self._node, self._publishers)
         except BaseException:
             self._node.close()
             raise
@@ -123,6 +125,7 @@ class Player:
 
     def close(self) -> None:
         """Leave the graph."""
+        self._teller.close()
         self._node.close()
 
     def __enter__(self) -> Player:
@@ -239,10 +242,7 @@ def _hash_of(topic: BagTopic) -> str:
     """As recorded; older files of rosbag2 have none, then that of the schema in the file."""
     if topic.type_hash:
         return topic.type_hash
-    catalogue: Any = Catalogue(base=default_catalogue())
     try:
-        if topic.schema:
-            add_schema_text(topic.type_name, topic.schema, catalogue)
-        return type_hash(topic.type_name, catalogue)
+        return type_hash(topic.type_name, recorded_catalogue(topic))
     except MetarosError as error:
         raise RecordingError(f"cannot play {topic.name}: its type's hash is not known: {error}") from None
