@@ -8,13 +8,15 @@ import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from types import GenericAlias
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from metaros.clock import SystemClock
+from metaros.limits import LIMITS
 from metaros.node.action.goal import TERMINAL
 from metaros.node.action.types import ActionTypes
 from metaros.ros2.rclpy.action.client_goal import ClientGoalHandle
 from metaros.ros2.rclpy.action.names import ActionNode, endpoint_names, uuid_bytes
+from metaros.ros2.rclpy.action.result_client import ResultClient
 from metaros.ros2.rclpy.core.client import Client
 from metaros.ros2.rclpy.core.handles import SubscriptionHandle
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
@@ -31,6 +33,7 @@ from metaros.ros2.rclpy.qos.profile import (
 
 __all__ = ["ActionClient", "ClientGoalHandle"]
 
+C = TypeVar("C", bound=Client)
 _FEEDBACK_QOS: Final = QoSProfile(depth=10)
 _PATIENCE_S: Final = 0.25  # between two looks at whether the context lives
 
@@ -66,21 +69,22 @@ class ActionClient(Waitable[Any]):
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
         handle, group = node.handle, self.callback_group
 
-        def client(part: str, service: type[Any], qos: QoSProfile) -> Client:
+        def client(kind: type[C], part: str, service: type[Any], qos: QoSProfile) -> C:
             impl = ClientHandle(handle, service, names[part], to_native(qos))
-            return Client(node.context, impl, service, names[part], qos, group)
+            return kind(node.context, impl, service, names[part], qos, group)
 
         def subscription(part: str, message: type[Any], qos: QoSProfile, callback: Any) -> SubscriptionHandle:
             return SubscriptionHandle(handle, message, names[part], to_native(qos), callback, group=group)
 
-        self._goal_client = client("send_goal", self._types.send_goal, goal_service_qos_profile)
-        self._cancel_client = client("cancel_goal", self._types.cancel_goal, cancel_service_qos_profile)
-        self._result_client = client("get_result", self._types.get_result, result_service_qos_profile)
+        self._goal_client = client(Client, "send_goal", self._types.send_goal, goal_service_qos_profile)
+        self._cancel_client = client(Client, "cancel_goal", self._types.cancel_goal, cancel_service_qos_profile)
+        self._result_client = client(ResultClient, "get_result", self._types.get_result, result_service_qos_profile)
         self._clients = (self._goal_client, self._cancel_client, self._result_client)
         self._subscriptions = (
             subscription("feedback", self._types.feedback, feedback_sub_qos_profile, self._on_feedback),
             subscription("status", self._types.status, status_sub_qos_profile, self._on_status),
         )
+        self._result_client.feedback = self._subscriptions[0]
         node.add_waitable(self)
 
     # -- goals -----------------------------------------------------------------------------------------------------
@@ -118,7 +122,10 @@ class ActionClient(Waitable[Any]):
         request.goal_id = self._generate_random_uuid() if goal_uuid is None else goal_uuid
         request.goal = goal
         if feedback_callback is not None:
-            self._feedback_callbacks[uuid_bytes(request.goal_id)] = feedback_callback
+            with self._lock:
+                if len(self._feedback_callbacks) >= LIMITS.action_goals:  # of ends that nobody asked for
+                    del self._feedback_callbacks[next(iter(self._feedback_callbacks))]
+                self._feedback_callbacks[uuid_bytes(request.goal_id)] = feedback_callback
         return request
 
     def _generate_random_uuid(self) -> Any:
@@ -152,9 +159,7 @@ class ActionClient(Waitable[Any]):
         return request
 
     def _get_result(self, goal_handle: ClientGoalHandle) -> Any:
-        response = self._result_client.call(self._result_request(goal_handle))
-        self._feedback_callbacks.pop(uuid_bytes(goal_handle.goal_id), None)
-        return response
+        return self._result_client.call(self._result_request(goal_handle))
 
     def _get_result_async(self, goal_handle: ClientGoalHandle) -> Future[Any]:
         future = self._result_client.call_async(self._result_request(goal_handle))

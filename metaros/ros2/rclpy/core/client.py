@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from metaros.errors import PeerError
@@ -98,19 +98,24 @@ class Client:
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(f"Expected {self.srv_type.Request}, got {type(request)}")
 
-    def __complete(self, call: PendingCall) -> None:
+    def __complete(self, call: PendingCall) -> Coroutine[Any, Any, None] | None:
         """On the executor: the call has ended."""
         with self._lock:
             future = self._pending_requests.pop(call.seq, None)
             self.__calls.pop(call.seq, None)
         if future is None:
-            return
+            return None
         response = self.__client.response_of(call)
         if response is None or future.done():
-            return
+            return None
         if self.__introspection.on:
             self.__introspection.tell(RESPONSE_RECEIVED, self.__client.gid, call.seq, response=response)
+        return self._deliver(future, response)
+
+    def _deliver(self, future: Future[Any], response: Any) -> Coroutine[Any, Any, None] | None:
+        """The response is there, and somebody waits for it still."""
         future.set_result(response)
+        return None
 
     def get_pending_request(self, sequence_number: int) -> Future[Any]:
         """The future of a request by its number; KeyError where none waits."""
