@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         SingleThreadedExecutor,
     )
     from metaros.idl.annotated import message
+    from metaros.idl.annotated_service import action, service
     from metaros.idl.marks import (
         Bounded,
         Exact,
@@ -99,6 +100,7 @@ __all__ = [
     "Shape",
     "SingleThreadedExecutor",
     "SubscriptionEvents",
+    "action",
     "byte",
     "char",
     "convert",
@@ -117,6 +119,7 @@ __all__ = [
     "qos_sensor_data",
     "qos_services",
     "qos_transient_local",
+    "service",
     "spin",
     "uint8",
     "uint16",
@@ -137,6 +140,7 @@ _HOMES = {
         "SingleThreadedExecutor",
     ),
     "metaros.idl.annotated": ("message",),
+    "metaros.idl.annotated_service": ("action", "service"),
     "metaros.idl.marks": (
         "Bounded",
         "Exact",

@@ -25,6 +25,7 @@ from metaros.idl.schema import add_schema_text, definition_text, schema_text
 if TYPE_CHECKING:
     from metaros.idl import marks
     from metaros.idl.annotated import message
+    from metaros.idl.annotated_service import action, service
 
 __all__ = [
     "Action",
@@ -38,6 +39,7 @@ __all__ = [
     "MessageDefinition",
     "Service",
     "ServiceDefinition",
+    "action",
     "add_schema_text",
     "catalogue_of",
     "default_catalogue",
@@ -56,6 +58,7 @@ __all__ = [
     "remember",
     "remember_class",
     "schema_text",
+    "service",
     "type_description",
     "type_hash",
 ]
@@ -65,6 +68,8 @@ def __getattr__(name: str) -> Any:
     """What only programs with types of their own need: others start without it."""
     if name == "message":
         return importlib.import_module("metaros.idl.annotated").message
+    if name in ("action", "service"):
+        return getattr(importlib.import_module("metaros.idl.annotated_service"), name)
     if name == "marks":
         return importlib.import_module("metaros.idl.marks")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""ROS names for `@message` classes and their fields."""
+"""ROS names for `@message`, `@service` and `@action` classes and their fields."""
 
 from __future__ import annotations
 
@@ -12,25 +12,28 @@ from metaros.errors import FieldError
 
 __all__ = ["field_name", "is_constant_name", "type_name"]
 
-_FULL = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*/msg/[A-Z][A-Za-z0-9]*\Z")
+_FULL = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*/(msg|srv|action)/[A-Z][A-Za-z0-9]*\Z")
+_WORDS = {"msg": "message", "srv": "service", "action": "action"}
 _SHORT = re.compile(r"[A-Z][A-Za-z0-9]*\Z")
 _FIELD = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*\Z")
 _CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*\Z")
 _MAX_CHARS = 128  # of a package or class: the name travels in every key
 
 
-def type_name(cls: type[Any], wanted: str) -> str:
-    """The full name of a class's type: `wanted`, or made of its module and name."""
+def type_name(cls: type[Any], wanted: str, kind: str = "msg") -> str:
+    """The full name of a class's type: `wanted`, or made of its module and name. `kind` is "msg", "srv" or "action"."""
+    word = _WORDS[kind]
     if wanted:
-        if not _FULL.match(wanted) or len(wanted) > 2 * _MAX_CHARS:
-            raise FieldError(f"{cls.__qualname__}: {wanted[:80]!r} is no message name like my_robot/msg/Battery")
+        match = _FULL.match(wanted)
+        if not match or match[1] != kind or len(wanted) > 2 * _MAX_CHARS:
+            raise FieldError(f"{cls.__qualname__}: {wanted[:80]!r} is no {word} name like my_robot/{kind}/Battery")
         return wanted
     if not _SHORT.match(cls.__name__) or len(cls.__name__) > _MAX_CHARS:
         raise FieldError(
             f"{cls.__qualname__}: {cls.__name__[:80]!r} is illegal as a ROS type name: "
-            "letters and digits, beginning with a capital; rename the class or give @message a name="
+            f"letters and digits, beginning with a capital; rename the class or give @{word} a name="
         )
-    return f"{_package(cls)}/msg/{cls.__name__}"
+    return f"{_package(cls)}/{kind}/{cls.__name__}"
 
 
 def field_name(attribute: str) -> str:
