@@ -12,10 +12,12 @@ from metaros.idl.catalogue import Catalogue, default_catalogue
 from metaros.idl.class_shape import ClassShape
 from metaros.idl.classes import message_class
 from metaros.idl.definitions import Definition
+from metaros.idl.known import catalogue_of
 from metaros.ros2.rosidl.classes import make_class
 from metaros.ros2.rosidl.held import store
+from metaros.ros2.rosidl.message import become_checked, refill
 
-__all__ = ["RosidlCatalogue", "interface", "rosidl_catalogue"]
+__all__ = ["RosidlCatalogue", "interface", "restore", "rosidl_catalogue"]
 
 T = TypeVar("T")
 _SHAPE: Final = ClassShape(store=store, octet="c", arrays=True, make=make_class)
@@ -39,10 +41,19 @@ def rosidl_catalogue(catalogue: Catalogue | None = None) -> RosidlCatalogue:
     return base.memo("rosidl", "", lambda: RosidlCatalogue(base))
 
 
+def restore(name: str, hash_text: str, checked: bool, contents: tuple[Any, ...]) -> Any:
+    """A message that was pickled; its type is looked up by name and hash."""
+    made = refill(interface(name, catalogue_of(name, hash_text)), contents, None)
+    if checked:
+        become_checked(made)
+    return made
+
+
 class RosidlCatalogue(Catalogue):
     """The definitions of another catalogue, with classes and codecs of its own. What is added goes to the other."""
 
     shape = _SHAPE
+    restore = staticmethod(restore)
 
     def __init__(self, definitions: Catalogue) -> None:
         super().__init__(base=definitions)

@@ -7,10 +7,9 @@ from array import array
 from typing import Any, ClassVar
 
 from metaros.idl.classes import Message, message_class
-from metaros.idl.known import catalogue_of
 from metaros.ros2.rosidl.held import store
 
-__all__ = ["RosidlMessage", "become_checked", "restore", "set_rest"]
+__all__ = ["RosidlMessage", "become_checked", "refill", "set_rest"]
 
 
 class RosidlMessage(Message):
@@ -32,7 +31,7 @@ class RosidlMessage(Message):
         return f"{place + '.' if place else ''}{type(self).__name__}({', '.join(values)})"
 
     def __copy__(self) -> Any:
-        return _refill(type(self), _contents(self), _rest(self))
+        return refill(type(self), _contents(self), _rest(self))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Any:
         memo[id(self)] = made = object.__new__(type(self))
@@ -41,18 +40,9 @@ class RosidlMessage(Message):
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         name, own = self.__metaros_name__, type(self).__mro__[1] if self._check_fields else type(self)
         if own is not message_class(name, self.__metaros_catalogue__):  # a class of the program's own
-            return _refill, (own, _contents(self), _rest(self))
+            return refill, (own, _contents(self), _rest(self))
+        restore = self.__metaros_catalogue__.restore  # type: ignore[attr-defined]
         return restore, (name, self.__metaros_hash__, self._check_fields, _contents(self))
-
-
-def restore(name: str, hash_text: str, checked: bool, contents: tuple[Any, ...]) -> Any:
-    """A message that was pickled; its type is looked up by name and hash."""
-    from metaros.ros2.rosidl.catalogue import interface
-
-    made = _refill(interface(name, catalogue_of(name, hash_text)), contents, None)
-    if checked:
-        become_checked(made)
-    return made
 
 
 def become_checked(message: Any) -> None:
@@ -113,7 +103,8 @@ def _rest(message: Any) -> dict[str, Any] | None:
     return vars(message) if hasattr(message, "__dict__") else None
 
 
-def _refill(cls: type[Any], contents: tuple[Any, ...], rest: dict[str, Any] | None) -> Any:
+def refill(cls: type[Any], contents: tuple[Any, ...], rest: dict[str, Any] | None) -> Any:
+    """A message with those fields, as they are; `rest` is what a class that a program derived keeps beside them."""
     return _fill(object.__new__(cls), contents, rest)
 
 
