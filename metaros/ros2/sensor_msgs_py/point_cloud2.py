@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 
-from metaros.idl.arrays import as_array
+from metaros.idl.arrays import as_view
 from metaros.ros2.rosidl.catalogue import interface
 
 __all__ = [
@@ -170,9 +170,7 @@ def create_cloud_xyz32(header: Any, points: Any) -> Any:
 def _points(cloud: Any) -> npt.NDArray[Any]:
     """All points in a row, without what pads the rows of an organized cloud."""
     dtype = dtype_from_fields(cloud.fields, point_step=cloud.point_step)
-    data: Any = cloud.data
-    if not (isinstance(data, (bytes, bytearray)) or (isinstance(data, array.array) and data.itemsize == 1)):
-        data = np.ascontiguousarray(as_array(data, "uint8")).reshape(-1)
+    data = np.ascontiguousarray(as_view(cloud.data, "uint8")).reshape(-1)
     height, width, row = cloud.height, cloud.width, cloud.width * cloud.point_step
     size = len(data)
     padded = height > 1 and cloud.row_step > row
