@@ -102,7 +102,7 @@ class EndpointMethods:
             declare_qos_parameters(Publisher, self, full, qos, qos_overriding_options)
         check_is_valid_msg_type(msg_type)
         callbacks = event_callbacks or PublisherEventCallbacks()
-        handlers = callbacks.create_event_handlers(group, self.handle, full)
+        handlers = callbacks.create_event_handlers(group, self.handle, topic)
         native_qos = self.__native(qos, full, publishes=True)
         impl = PublisherHandle(
             self.handle, msg_type, full, native_qos, publisher_events(handlers, group), event_handlers=handlers
@@ -146,7 +146,7 @@ class EndpointMethods:
             declare_qos_parameters(Subscription, self, full, qos, qos_overriding_options)
         check_is_valid_msg_type(msg_type)
         callbacks = event_callbacks or SubscriptionEventCallbacks()
-        handlers = callbacks.create_event_handlers(group, self.handle, full)
+        handlers = callbacks.create_event_handlers(group, self.handle, topic)
         impl = SubscriptionHandle(
             self.handle,
             msg_type,

@@ -16,6 +16,7 @@ from metaros.ros2.rclpy.core.handles import NodeHandle, PublisherHandle, Subscri
 from metaros.ros2.rclpy.core.service_handles import ClientHandle, ServiceHandle
 from metaros.ros2.rclpy.core.service_introspection import ServiceIntrospectionState
 from metaros.ros2.rclpy.core.signals import SignalHandlerOptions
+from metaros.ros2.rclpy.qos import profile
 
 __all__ = ["rclpy_implementation"]
 
@@ -32,6 +33,11 @@ def _deserialize(data: bytes, message_type: type) -> object:
     return codec(message_type).decode(data)
 
 
+def _predefined(name: str) -> object:
+    """What stands for C's profile: it has `to_dict()`."""
+    return getattr(profile, name).get_c_qos_profile()
+
+
 rclpy_implementation: Final = SimpleNamespace(
     **{name: getattr(rcl_errors, name) for name in rcl_errors.__all__},
     RCL_DEFAULT_DOMAIN_ID=(1 << 64) - 1,
@@ -46,5 +52,6 @@ rclpy_implementation: Final = SimpleNamespace(
     rclpy_get_rmw_implementation_identifier=utilities.get_rmw_implementation_identifier,
     rclpy_remove_ros_args=_remove_ros_args,
     rclpy_serialize=_serialize,
+    rmw_qos_profile_t=SimpleNamespace(predefined=_predefined),
     service_introspection=SimpleNamespace(ServiceIntrospectionState=ServiceIntrospectionState),
 )
