@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Coroutine
-from typing import Any
+from types import GenericAlias
+from typing import Any, ClassVar
 
 from metaros.errors import PeerError
 from metaros.node.pending_call import PendingCall
@@ -24,6 +25,8 @@ __all__ = ["Client"]
 
 class Client:
     """Calls one service. `Node.create_client` makes it."""
+
+    __class_getitem__: ClassVar[Any] = classmethod(GenericAlias)  # annotations may say of which type
 
     def __init__(
         self,

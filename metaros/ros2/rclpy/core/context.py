@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import weakref
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import MethodType
@@ -53,6 +54,7 @@ class Context:
         self._callbacks: list[Callable[[], Callable[[], object] | None]] = []
         self._wakers: list[Callable[[], object]] = []
         self._nodes: list[weakref.ref[Any]] = []
+        self._doomed: deque[Any] = deque()
         self._handle: ContextHandle | None = None
         self._arguments: RosArguments | None = None  # from init on
         self._domain = 0
@@ -155,6 +157,14 @@ class Context:
         with suppress(ValueError):
             self._callbacks.remove(reference)
 
+    def close_soon(self, handle: Any) -> None:
+        """Close a node's handle on a thread of the library's; takes no lock."""
+        self._doomed.append(handle)
+
+    def _close_doomed(self) -> None:
+        while self._doomed:
+            self._doomed.popleft().close()
+
     # -- signals ---------------------------------------------------------------------------------------------------
 
     def wake_with(self, waker: Callable[[], object]) -> Callable[[], None]:
@@ -190,6 +200,7 @@ class Context:
             with self._lock:
                 if self._handle is None and self.ok():
                     self._handle = ContextHandle(self._domain)
+                    self._handle.ingress.add_chore(self._close_doomed)
         return self._handle
 
     @property

@@ -39,9 +39,24 @@ class NodeHandle(Destroyable, NativeNode):
 
     def __init__(self, arguments: NodeArguments, *, context: NativeContext, rclpy_context: Context) -> None:
         self.rclpy_context = rclpy_context
+        self.abandoned = False
+        self._by_itself = 0
         self.parameters = make_parameters(arguments.full_name)
         NodeCore.__init__(self, arguments, context=context, use_sim_time=False, nice=0, critical=False)
         heartbeat.follow(self)
+
+    def made(self) -> None:
+        """Everything that a node has by itself is there: what comes now, its program wants."""
+        self._by_itself = len(self._endpoints)
+
+    def abandon(self) -> None:
+        """Nobody has the node any more: leave the graph soon, unless somebody may still use what it created.
+
+        It runs where the garbage collector does, in the middle of anything: it takes no lock and closes nothing.
+        """
+        if len(self._endpoints) <= self._by_itself:
+            self.abandoned = True
+            self.rclpy_context.close_soon(self)
 
     def resolve(self, name: str, *, service: bool = False) -> str:
         """The full name; one that is resolved stays."""

@@ -113,6 +113,8 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
         except BaseException:
             self.__node.close()
             raise
+        self.__node.made()
+        weakref.finalize(self, self.__node.abandon).atexit = False
         self._context.track_node(self)
 
     def __offer_logger_levels(self) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from types import GenericAlias
+from typing import Any, ClassVar
 
 from metaros.cdr import codec
 from metaros.errors import ClosedError, FieldError
@@ -18,6 +19,8 @@ class Publisher:
 
     Where a class that derives from it has its own `publish`, that one is called, else a shorter way is taken.
     """
+
+    __class_getitem__: ClassVar[Any] = classmethod(GenericAlias)  # annotations may say of which type
 
     def __init__(
         self,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Awaitable, Callable
-from typing import Any
+from types import GenericAlias
+from typing import Any, ClassVar
 
 from metaros.errors import MetarosError
 from metaros.node.core import NodeCore
@@ -27,6 +28,8 @@ class Service:
     `callback(request, response)` returns the response, or is an `async def` that does. What it raises comes out of
     `spin`, as in rclpy; the client is told that it gets no answer.
     """
+
+    __class_getitem__: ClassVar[Any] = classmethod(GenericAlias)  # annotations may say of which type
 
     def __init__(
         self,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from enum import Enum
-from typing import Any, TypedDict
+from types import GenericAlias
+from typing import Any, ClassVar, TypedDict
 
 from metaros.node.info import MessageInfo as NativeInfo
 from metaros.ros2.rclpy.core.handles import SubscriptionHandle, info_dict
@@ -66,6 +67,8 @@ class Subscription:
     """Calls back for each message of one topic. `Node.create_subscription` makes it."""
 
     CallbackType = CallbackType
+
+    __class_getitem__: ClassVar[Any] = classmethod(GenericAlias)  # annotations may say of which type
 
     def __init__(
         self,

@@ -20,6 +20,11 @@ class _Entry:
         self.node = node
         self.count = 1
 
+    @property
+    def is_abandoned(self) -> bool:
+        """Whether nobody has the node any more, and it will be gone soon."""
+        return bool(getattr(self.node, "abandoned", False))
+
     def publish(self, record: Record) -> None:
         publish: Callable[..., None] | None = self.node.get_logger().rosout
         if publish is not None:
@@ -77,7 +82,8 @@ class Rosout:
 
     def knows(self, name: str) -> bool:
         """Whether a logger of that name has a node."""
-        return name in self._entries
+        entry = self._entries.get(name)
+        return entry is not None and not entry.is_abandoned
 
     def add_child(self, parent: str, child: str) -> bool:
         """`parent.child` publishes as the parent does; False where the parent has no node."""

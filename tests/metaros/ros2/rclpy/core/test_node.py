@@ -369,3 +369,13 @@ def test_a_wait_for_a_message_ends_with_the_context(own_context: Context) -> Non
     thread.start()
     assert wait_for_message(interface(STRING), node, "/never") == (False, None)
     thread.join()
+
+
+def test_a_node_that_nobody_has_leaves_the_graph(rclpy_context: Context, node: Node) -> None:
+    forgotten = create_node("forgotten", context=rclpy_context)
+    publisher = create_node("lent", context=rclpy_context).create_publisher(interface(STRING), "lent", 1)
+    assert {"forgotten", "lent"} <= set(node.get_node_names())
+    del forgotten
+    wait_until(lambda: "forgotten" not in node.get_node_names())
+    publisher.publish(interface(STRING)())
+    assert "lent" in node.get_node_names()
