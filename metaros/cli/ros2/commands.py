@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from metaros.cli.ros2.launch import launch
 from metaros.cli.shared.options import Format, FormatOption
 
 __all__ = ["register"]
@@ -39,6 +40,9 @@ def run(
     if sys.path and program.file is not None:
         del sys.path[0]  # of the command `metaros`: the program's own folder comes in its place
     run_program(program, rest, say=lambda note: sys.stderr.write(f"note: {note}\n"))
+
+
+group.command("launch")(launch)
 
 
 @group.command("list")

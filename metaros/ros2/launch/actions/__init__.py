@@ -1,0 +1,68 @@
+"""The actions that launch files use."""
+
+from __future__ import annotations
+
+from metaros.ros2.launch.actions.configuration import (
+    AppendEnvironmentVariable,
+    DeclareLaunchArgument,
+    PopEnvironment,
+    PopLaunchConfigurations,
+    PushEnvironment,
+    PushLaunchConfigurations,
+    ResetEnvironment,
+    ResetLaunchConfigurations,
+    SetEnvironmentVariable,
+    SetLaunchConfiguration,
+    UnsetEnvironmentVariable,
+    UnsetLaunchConfiguration,
+)
+from metaros.ros2.launch.actions.flow import (
+    EmitEvent,
+    ForEach,
+    ForLoop,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogError,
+    LogInfo,
+    LogWarning,
+    OpaqueCoroutine,
+    OpaqueFunction,
+    RegisterEventHandler,
+    Shutdown,
+    ShutdownAction,
+    TimerAction,
+    UnregisterEventHandler,
+)
+from metaros.ros2.launch.actions.process import ExecuteLocal, ExecuteProcess
+
+__all__ = [
+    "AppendEnvironmentVariable",
+    "DeclareLaunchArgument",
+    "EmitEvent",
+    "ExecuteLocal",
+    "ExecuteProcess",
+    "ForEach",
+    "ForLoop",
+    "GroupAction",
+    "IncludeLaunchDescription",
+    "LogError",
+    "LogInfo",
+    "LogWarning",
+    "OpaqueCoroutine",
+    "OpaqueFunction",
+    "PopEnvironment",
+    "PopLaunchConfigurations",
+    "PushEnvironment",
+    "PushLaunchConfigurations",
+    "RegisterEventHandler",
+    "ResetEnvironment",
+    "ResetLaunchConfigurations",
+    "SetEnvironmentVariable",
+    "SetLaunchConfiguration",
+    "Shutdown",
+    "ShutdownAction",
+    "TimerAction",
+    "UnregisterEventHandler",
+    "UnsetEnvironmentVariable",
+    "UnsetLaunchConfiguration",
+]
