@@ -105,13 +105,19 @@ class Agenda:
                     self._entries.append(entry)
         return None
 
-    def hand(self, work: Work) -> None:
-        """A handler will run it: it is not given out again until `taken`."""
+    def hand(self, work: Work, wake: Callable[[], None]) -> None:
+        """Somebody will run it: its source is not ready again until the work is `taken`, which calls `wake()`."""
         self._handed[id(work.source)] = work
 
-    def taken(self, work: Work) -> bool:
-        """It runs now; False where it was given back meanwhile."""
-        return self._handed.pop(id(work.source), None) is work
+        def taken() -> None:
+            if self._handed.pop(id(work.source), None) is not None:
+                wake()
+
+        work.taken = taken
+
+    def holds(self, work: Work) -> bool:
+        """Whether it was handed out, and neither taken nor given back meanwhile."""
+        return self._handed.get(id(work.source)) is work
 
     # -- looking around --------------------------------------------------------------------------------------------
 

@@ -140,7 +140,7 @@ class Executor(ExecutorCore):
             elif isinstance(entry, Task):
                 yield entry, None, None
             else:
-                self._agenda.hand(entry)
+                self._agenda.hand(entry, self.wake)
                 handler = HandlerTask(self._handle, entry, self, args=(entry,))
                 self._pending_tasks[handler] = None
                 yield handler, _entity(entry), entry.node

@@ -267,6 +267,7 @@ class ExecutorCore:
         """Whether its group lets it run now."""
         if work.enter():
             return True
+        work.taken()
         work.give_back()
         return False
 
@@ -294,7 +295,7 @@ class ExecutorCore:
 
     async def _handle(self, work: Work) -> None:
         """What a handler of `wait_for_ready_callbacks` does."""
-        if not self._agenda.taken(work) or not self._enter(work):
+        if not self._agenda.holds(work) or not self._enter(work):
             return
         coroutine = None
         try:
@@ -306,6 +307,8 @@ class ExecutorCore:
             await self._see_through(coroutine, work)
 
     def _done(self, work: Work) -> None:
+        """It ran, or never will."""
+        work.taken()
         work.leave()
         work.give_back()
         self.wake()

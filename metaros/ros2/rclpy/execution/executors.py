@@ -108,6 +108,7 @@ class MultiThreadedExecutor(Executor):
         if isinstance(entry, Task):
             self._submit(lambda: self._go_on(entry), lambda: None)
         elif self._enter(entry):
+            self._agenda.hand(entry, self.wake)
             self._submit(lambda: self._carry(entry, limit), lambda: self._done(entry))
 
     def _submit(self, run: Callable[[], None], leave: Callable[[], None]) -> None:

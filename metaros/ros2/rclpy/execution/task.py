@@ -280,11 +280,15 @@ class Task(Future[T]):
     def cancel(self) -> None:
         """Run it no more; the coroutine ends where it stands, unless that is just running."""
         super().cancel()
-        if self._cancelled and self._task_lock.acquire(blocking=False):
+        if not self._cancelled:
+            return
+        if self._task_lock.acquire(blocking=False):
             try:
                 self._complete_task()
             finally:
                 self._task_lock.release()
+        self.polls = 0
+        self._wake_up()  # so that its executor forgets it
 
     def _complete_task(self) -> None:
         """It is over: nothing is kept."""

@@ -55,12 +55,13 @@ class SpunNode(Protocol):
 class Work:
     """Something of a node that may be ready: `source`, and the `group` that says whether it may run."""
 
-    __slots__ = ("group", "node", "source")
+    __slots__ = ("group", "node", "source", "taken")
 
     def __init__(self, source: Any, group: Any, node: Any) -> None:
         self.source = source
         self.group: CallbackGroup | None = group
         self.node = node
+        self.taken: Callable[[], object] = _nothing  # called when it is no more ready for what runs now
 
     @property
     def entity(self) -> Any:
@@ -104,9 +105,13 @@ class Work:
 class MailWork(Work):
     """A mailbox with items: of a subscription, a service, an inbox."""
 
-    __slots__ = ()
+    __slots__ = ("returned",)
 
     source: Mailbox
+
+    def __init__(self, source: Any, group: Any, node: Any) -> None:
+        super().__init__(source, group, node)
+        self.returned = False
 
     @property
     def entity(self) -> Any:
@@ -133,6 +138,7 @@ class MailWork(Work):
         """Items in their order, up to the first that awaits."""
         mailbox, group = self.source, self.group
         pending, handle = mailbox.pending, mailbox.handle
+        self.taken()
         apart = group is not None and group.overlap > 1  # the next item need not wait for this one
         for _ in range(1 if apart else min(len(pending), limit)):
             try:
@@ -153,7 +159,9 @@ class MailWork(Work):
 
     def give_back(self) -> None:
         """To the ingress, which gives it out again while there are items."""
-        self.source.owner.ingress.requeue(self.source, wake_executor=True)  # type: ignore[attr-defined]
+        if not self.returned:
+            self.returned = True
+            self.source.owner.ingress.requeue(self.source, wake_executor=True)  # type: ignore[attr-defined]
 
     def began(self) -> None:
         """So many at most at a time, as the group says."""
@@ -188,6 +196,8 @@ class TimerWork(Work):
             call = self.source.take()
         except (InvalidHandle, TimerCancelledError):
             return None
+        finally:
+            self.taken()
         return _called(call)
 
 
@@ -203,7 +213,9 @@ class GuardWork(Work):
 
     def run(self, limit: int) -> Coroutine[Any, Any, Any] | None:
         """Answer it."""
-        return _called(self.source.take())
+        call = self.source.take()
+        self.taken()
+        return _called(call)
 
 
 class WaitableWork(Work):
@@ -222,7 +234,10 @@ class WaitableWork(Work):
     def run(self, limit: int) -> Coroutine[Any, Any, Any] | None:
         """Take its data and execute that."""
         waitable = self.source
-        data = waitable.take_data()
+        try:
+            data = waitable.take_data()
+        finally:
+            self.taken()
         for future in getattr(waitable, "_futures", ()):
             future._set_executor(self.executor)
         result = waitable.execute(data)
@@ -247,6 +262,10 @@ class NativeTimerWork(Work):
         except Exception:
             _log.exception("a timer's callback failed")
             return None
+
+
+def _nothing() -> None:
+    return
 
 
 def _called(call: Callable[[], Any] | None) -> Coroutine[Any, Any, Any] | None:
