@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+import random  # noqa: TID251 - seeded
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from metaros.cdr import codec
+from metaros.cdr import Codec, codec
 from metaros.cdr.decoder import build_fast_decoder
 from metaros.cdr.encoder import build_encoder
-from metaros.errors import UnknownTypeError
+from metaros.errors import DecodeError, UnknownTypeError
 from metaros.idl import Action, Catalogue, Message, Service, message_class, parse_msg, remember, type_hash
 from metaros.idl.arrays import DTYPES
 from metaros.idl.catalogue import default_catalogue, shipped_names
@@ -76,6 +77,26 @@ def test_every_shipped_type_has_the_native_bytes() -> None:
                 wrong.append(name)
     assert not wrong
     assert len(names) > 330
+
+
+def test_damaged_bytes_are_told_in_the_same_words() -> None:
+    dice, wrong = random.Random(3), []
+    for name in message_names():
+        good = codec(name).encode(filled(name))
+        for _ in range(4):
+            data = bytearray(good[: dice.randrange(len(good) + 1)] if dice.random() < 0.5 else good)
+            for _ in range(dice.randrange(3) if data else 0):
+                data[dice.randrange(len(data))] = dice.randrange(256)
+            if outcome(codec(name), bytes(data)) != outcome(codec(interface(name)), bytes(data)):
+                wrong.append(f"{name}: {data.hex()}")
+    assert not wrong
+
+
+def outcome(code: Codec, data: bytes) -> bytes | str:
+    try:
+        return code.encode(code.decode(data))
+    except DecodeError as error:
+        return str(error)
 
 
 def test_hashes_are_those_of_ros2() -> None:
