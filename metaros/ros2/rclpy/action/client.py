@@ -56,7 +56,7 @@ class ActionClient(Waitable[Any]):
         feedback_sub_qos_profile: QoSProfile = _FEEDBACK_QOS,
         status_sub_qos_profile: QoSProfile = qos_profile_action_status_default,
     ) -> None:
-        names = endpoint_names(node.handle, action_type, action_name)
+        names = endpoint_names(node, action_type, action_name)
         super().__init__(node.default_callback_group if callback_group is None else callback_group)
         self._node = node
         self._action_type = action_type

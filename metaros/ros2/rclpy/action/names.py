@@ -34,6 +34,9 @@ class ActionNode(Protocol):
     def get_logger(self) -> Any:
         """The node's logger."""
 
+    def resolve_topic_name(self, topic: str) -> str:
+        """The full name, remapped."""
+
     def add_waitable(self, waitable: Any) -> None:
         """Make it one of the node's."""
 
@@ -41,19 +44,19 @@ class ActionNode(Protocol):
         """The reverse."""
 
 
-def endpoint_names(node: NodeHandle, action_type: type[Any], action_name: str) -> dict[str, Resolved]:
+def endpoint_names(node: ActionNode, action_type: type[Any], action_name: str) -> dict[str, Resolved]:
     """The full names of an action's five endpoints, by the keys of `ENDPOINTS`.
 
     A rule for the action's name moves all five; as in rcl each may have one of its own, too.
 
     Raises:
         AttributeError, RuntimeError: the type is no action.
-        NameError_: the name is none.
+        InvalidTopicNameException: the name is none.
     """
     check_is_valid_action_type(action_type)
-    full = node.resolve(action_name)
+    full, handle = node.resolve_topic_name(action_name), node.handle
     services = ("send_goal", "cancel_goal", "get_result")
-    return {part: Resolved(node.resolve(full + end, service=part in services)) for part, end in ENDPOINTS.items()}
+    return {part: Resolved(handle.resolve(full + end, service=part in services)) for part, end in ENDPOINTS.items()}
 
 
 def uuid_bytes(goal_id: Any) -> bytes:

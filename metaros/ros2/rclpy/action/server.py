@@ -85,7 +85,7 @@ class ActionServer(Waitable[Any]):
         status_pub_qos_profile: QoSProfile = qos_profile_action_status_default,
         result_timeout: float = 900,
     ) -> None:
-        names = endpoint_names(node.handle, action_type, action_name)
+        names = endpoint_names(node, action_type, action_name)
         super().__init__(node.default_callback_group if callback_group is None else callback_group)
         self._node = node
         self._action_type = action_type
