@@ -9,7 +9,7 @@ from typing import Final
 
 from metaros.ros2.ament_index_python.resources import get_resource, get_resources
 from metaros.ros2.ament_index_python.search_paths import get_search_paths
-from metaros.ros2.ament_index_python.sources import source_of
+from metaros.ros2.ament_index_python.sources import share_of, source_of
 
 __all__ = [
     "PackageNotFoundError",
@@ -52,7 +52,7 @@ def get_package_prefix(package_name: str) -> str:
     try:
         where = f"searching: {get_search_paths()}"
     except OSError:
-        where = "AMENT_PREFIX_PATH is not set, and no package.xml of that name is in a folder above the program"
+        where = "AMENT_PREFIX_PATH is not set, and no package.xml of that name is near the program or here"
     raise PackageNotFoundError(f"package '{package_name}' not found, {where}")
 
 
@@ -74,7 +74,7 @@ def _share(package_name: str, print_warning: bool) -> Path:
     prefix = Path(get_package_prefix(package_name))
     source = source_of(package_name)
     if source is not None and source == prefix:
-        return source
+        return share_of(source, package_name)
     share = prefix / "share" / package_name
     if print_warning and not share.exists():
         warnings.warn(f"Share directory for {package_name} ({share}) does not exist.", stacklevel=3)

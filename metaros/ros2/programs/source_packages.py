@@ -77,7 +77,8 @@ def source_packages(root: Path) -> Iterator[SourcePackage]:
         folder, depth = pending.pop()
         budget -= 1
         try:
-            names = {entry.name: entry.is_dir() for entry in os.scandir(folder)}
+            with os.scandir(folder) as entries:
+                names = {entry.name: entry.is_dir() for entry in entries}
         except OSError:
             continue
         if any(mark in names for mark in _MARKS):

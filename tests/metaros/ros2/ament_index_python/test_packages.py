@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from metaros.ros2 import ament_index_python as ament
-from metaros.ros2.ament_index_python import sources
 
 
 @pytest.fixture
@@ -27,7 +26,6 @@ def prefixes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         (tmp_path / prefix / "share" / names[0]).mkdir(parents=True)
     found = [str(tmp_path / "one"), str(tmp_path / "two")]
     monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([*found, "", str(tmp_path / "three")]))
-    monkeypatch.setattr(sources, "_added", [])
     return found
 
 
@@ -74,19 +72,62 @@ def test_without_the_variable_nothing_is_installed(prefixes: list[str], monkeypa
         ament.get_package_prefix("foo")
 
 
-def test_a_package_that_is_run_from_its_source(
-    prefixes: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = tmp_path / "src" / "demo_nodes"
-    (source / "demo_nodes" / "parameters").mkdir(parents=True)
-    (source / "package.xml").write_text("<?xml version='1.0'?><package format='3'><name> demo_nodes </name></package>")
-    program: Any = SimpleNamespace(__file__=str(source / "demo_nodes" / "parameters" / "client.py"))
-    monkeypatch.setitem(sys.modules, "__main__", program)
-    assert ament.get_package_share_directory("demo_nodes") == str(source)
-    assert ament.get_package_prefix("demo_nodes") == str(source)
+SETUP = """
+from glob import glob
+import os
+from setuptools import setup
+package_name = 'demo_nodes'
+setup(
+    name=package_name,
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml', 'demo_nodes/parameters/params.yaml', 'missing.yaml']),
+        (os.path.join('share', package_name, 'launch'), glob('starts/*.launch.py') + ['more.launch.py']),
+        (f'share/{package_name}/../evil', ['package.xml']),
+        (unknown(), ['package.xml']),
+    ],
+)
+"""
+
+
+@pytest.fixture
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package that nobody has built, with files that its installation would put elsewhere."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "__main__", SimpleNamespace())  # type: ignore[arg-type]
+    folder = tmp_path / "src" / "demo_nodes"
+    for name in ("demo_nodes/parameters/params.yaml", "starts/one.launch.py", "more.launch.py", "launch/old.launch.py"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    (folder / "package.xml").write_text("<?xml version='1.0'?><package format='3'><name> demo_nodes </name></package>")
+    return folder
+
+
+def test_a_package_is_found_where_it_is_run_from(
+    prefixes: list[str], source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert ament.get_package_share_directory("demo_nodes") == str(source), "beneath the current folder"
+    monkeypatch.chdir("/")
     with pytest.raises(ament.PackageNotFoundError):
         ament.get_package_prefix("demo_nodes")
-    sources.add_source_folder(tmp_path / "src")
+    program: Any = SimpleNamespace(__file__=str(source / "demo_nodes" / "parameters" / "client.py"))
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "__main__", program)
+        assert ament.get_package_prefix("demo_nodes") == str(source), "above the program"
+    monkeypatch.syspath_prepend(source)
     monkeypatch.delenv("AMENT_PREFIX_PATH")
-    assert ament.get_package_share_path("demo_nodes") == source
+    assert ament.get_package_share_path("demo_nodes") == source, "on Python's path"
+
+
+def test_what_setup_py_would_install_elsewhere_is_there(prefixes: list[str], source: Path) -> None:
+    (source / "setup.py").write_text(SETUP)
+    share = ament.get_package_share_path("demo_nodes")
+    assert ament.get_package_share_path("demo_nodes") == share != source
+    assert (share / "params.yaml").read_text() == "demo_nodes/parameters/params.yaml"
+    assert sorted(path.name for path in (share / "launch").iterdir()) == [
+        "more.launch.py", "old.launch.py", "one.launch.py",
+    ]  # fmt: skip
+    assert (share / "package.xml").exists()
+    assert not (share.parent / "evil").exists()
+    (source / "setup.py").write_text("setup(data_files=[('share/demo_nodes', ['package.xml'])]")
+    assert ament.get_package_share_path("demo_nodes") == source, "a setup.py that is no Python says nothing"
