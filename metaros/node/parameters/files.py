@@ -8,7 +8,7 @@
         max_speed: 0.5
         motor: {gain: 1.0}    # motor.gain
 
-What stands further down wins.
+What stands further down wins; a node name may stand there several times, which plain YAML would not have.
 """
 
 from __future__ import annotations
@@ -51,6 +51,28 @@ _PLAIN: Final = (
 )
 for _tag, _pattern, _first in _PLAIN:
     _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern})\Z"), list(_first))
+
+
+class _Sections(dict[Any, Any]):
+    """A mapping that also has its items one by one, keys that come twice included."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.every: list[tuple[Any, Any]] = []
+
+
+class _FileLoader(_Loader):
+    """Mappings of files are `_Sections`."""
+
+    def construct_sections(self, node: yaml.MappingNode) -> Iterator[_Sections]:
+        """First empty, as PyYAML wants it, for what refers to itself."""
+        found = _Sections()
+        yield found
+        found.update(self.construct_mapping(node))
+        found.every = [(self.construct_object(key), self.construct_object(value)) for key, value in node.value]
+
+
+_FileLoader.add_constructor("tag:yaml.org,2002:map", _FileLoader.construct_sections)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -103,7 +125,7 @@ def read_sections(text: str, source: str = "parameters") -> list[tuple[str, dict
 
 def _parts(text: str, source: str) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     try:
-        tree = yaml.load(text, _Loader)
+        tree = yaml.load(text, _FileLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{source}: no YAML: {' '.join(str(error).split())}") from None
     return iter(()) if tree is None else _sections(tree, "", source, 0)
@@ -111,20 +133,18 @@ def _parts(text: str, source: str) -> Iterator[tuple[str, Mapping[Any, Any]]]:
 
 def _sections(tree: object, path: str, source: str, depth: int) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     """Each node name of the file, namespaces joined, with its parameters."""
-    if not isinstance(tree, Mapping) or depth > _DEPTH:
+    if not isinstance(tree, _Sections) or depth > _DEPTH:
         raise ConfigError(f"{source}: {path or 'the file'} must hold node names, each with {MARK}:")
-    for key, inner in tree.items():
+    for key, inner in tree.every:
+        if key == MARK and path:
+            if inner is not None and not isinstance(inner, Mapping):
+                raise ConfigError(f"{source}: {path}: {MARK} must hold names and values")
+            yield path, inner or _Sections()
+            continue
         name = f"{path}/{str(key).strip('/')}" if str(key).strip("/") else path
-        if not isinstance(inner, Mapping):
+        if not isinstance(inner, Mapping) or not inner:
             raise ConfigError(f"{source}: {name or key}: {MARK}: is missing")
-        if MARK in inner:
-            parameters = inner[MARK]
-            if parameters is not None and not isinstance(parameters, Mapping):
-                raise ConfigError(f"{source}: {name}: {MARK} must hold names and values")
-            yield name, parameters or {}
-        rest = {other: value for other, value in inner.items() if other != MARK}
-        if rest:
-            yield from _sections(rest, name, source, depth + 1)
+        yield from _sections(inner, name, source, depth + 1)
 
 
 def _matches(pattern: str, node: str) -> bool:
@@ -139,7 +159,7 @@ def _matches(pattern: str, node: str) -> bool:
 def _flat(parameters: Mapping[Any, Any], prefix: str, source: str, depth: int) -> Iterator[tuple[str, Any]]:
     if depth > _DEPTH:
         raise ConfigError(f"{source}: {prefix[:40]}… is nested deeper than {_DEPTH}")
-    for key, value in parameters.items():
+    for key, value in parameters.every if isinstance(parameters, _Sections) else parameters.items():
         name = f"{prefix}{key}"
         if isinstance(value, Mapping):
             yield from _flat(value, f"{name}.", source, depth + 1)

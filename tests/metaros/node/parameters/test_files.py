@@ -55,6 +55,32 @@ def test_names_and_wildcards_choose_the_node_and_the_last_one_wins():
     assert load_text("n: {ros__parameters: }", "/n") == {}
 
 
+TWICE = """
+/**:
+  ros__parameters: {a: first, b: first}
+/*:
+  base: {ros__parameters: {a: second, group: {x: 1}}}
+/**:
+  base: {ros__parameters: {c: third, group: {y: 2}, group: {z: 3}}}
+  ros__parameters: {b: third}
+  ros__parameters: {d: fourth}
+"""
+
+
+def test_names_that_stand_there_twice_count_twice():
+    assert load_text(TWICE, "/base") == {
+        "a": "first",
+        "b": "third",
+        "c": "third",
+        "group.y": 2,
+        "group.z": 3,
+        "d": "fourth",
+    }
+    assert load_text(TWICE, "/x/base")["group.x"] == 1
+    merged = "common: &c {ros__parameters: {a: 1}}\nn: {<<: *c}\n"
+    assert load_text(merged, "/n") == {"a": 1}
+
+
 def test_scalars_are_what_ros_makes_of_them():
     cases = {
         "1e3": 1000.0,
