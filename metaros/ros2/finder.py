@@ -11,7 +11,6 @@ import importlib
 import sys
 import threading
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, Final
@@ -37,7 +36,7 @@ PACKAGES: Final[dict[str, str]] = {
 _INTERFACES: Final = ("msg", "srv", "action")
 
 
-class RosFinder(MetaPathFinder):
+class RosFinder:  # not of importlib.abc, which would cost more than all the rest
     """Answers for the names of ROS 2 alone. It stands first, and asks the others before it gives a package of ours."""
 
     def __init__(self) -> None:
@@ -59,12 +58,15 @@ class RosFinder(MetaPathFinder):
             self._asking.on = False
 
     def _package(self, name: str) -> ModuleSpec | None:
+        other = _elsewhere(name, self)
+        if other is not None and other.origin is not None and not self.shadow:  # a folder alone has no origin
+            return None
         if name in PACKAGES:
-            wins = self.shadow or not _is_installed(name, self)
-            return self._aliased(name, PACKAGES[name]) if wins else None
-        if self.shadow or not _is_installed(name, self):
-            return self._made(name)
-        return None
+            return self._aliased(name, PACKAGES[name])
+        spec = self._made(name)
+        if spec is not None and other is not None:  # beside its interfaces such a package may have modules
+            spec.loader.give_path(other.submodule_search_locations or ())  # type: ignore[union-attr]
+        return spec
 
     def _part(self, fullname: str, top: str, rest: str) -> ModuleSpec | None:
         """`rclpy.qos`, `std_msgs.msg`: only where the package it is in is ours, or a mere folder."""
@@ -94,14 +96,19 @@ class RosFinder(MetaPathFinder):
 
     def _spec(self, fullname: str, module: ModuleType) -> ModuleSpec:
         is_package = hasattr(module, "__path__") or module.__spec__ is None
-        return ModuleSpec(fullname, _Given(self, fullname, module), is_package=is_package)
+        loader: Any = _Given(self, fullname, module)
+        return ModuleSpec(fullname, loader, is_package=is_package)
 
 
-class _Given(Loader):
+class _Given:
     """ "Loads" a module that is there: `__spec__` says by which name it really is, and shall go on saying so."""
 
     def __init__(self, finder: RosFinder, name: str, module: ModuleType) -> None:
         self._finder, self._name, self._module, self._was = finder, name, module, module.__spec__
+
+    def give_path(self, folders: Sequence[str]) -> None:
+        """Python is to look for further modules of the package here."""
+        self._module.__path__ = list(folders)
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """The module itself."""
@@ -156,14 +163,14 @@ def _import(name: str) -> ModuleType | None:
         raise
 
 
-def _is_installed(name: str, ours: RosFinder) -> bool:
-    """Whether somebody else has a package or a module of that name."""
+def _elsewhere(name: str, ours: RosFinder) -> ModuleSpec | None:
+    """The package or module, or mere folder, of that name that somebody else would give."""
     for finder in sys.meta_path:
-        find_spec = None if finder is ours else getattr(finder, "find_spec", None)
-        spec = None if find_spec is None else find_spec(name, None)
-        if spec is not None and spec.origin is not None:  # a folder alone has no origin
-            return True
-    return False
+        find_spec: Any = None if finder is ours else getattr(finder, "find_spec", None)
+        spec: ModuleSpec | None = None if find_spec is None else find_spec(name, None)
+        if spec is not None:
+            return spec
+    return None
 
 
 _LOCK: Final = threading.Lock()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +12,6 @@ from typing import Any
 
 from metaros.errors import ConfigError
 from metaros.ros2.programs.run import Program
-from metaros.ros2.programs.source_packages import is_python, source_packages
 
 __all__ = ["Executable", "executables", "find_program"]
 
@@ -64,6 +62,8 @@ def executables(
     *, package_path: Sequence[Path] = (Path(),), environ: Mapping[str, str] | None = None
 ) -> Iterator[Executable]:
     """All that `PACKAGE EXECUTABLE` can name; of installed distributions those alone that are ROS 2 packages."""
+    from metaros.ros2.programs.source_packages import source_packages
+
     environ = os.environ if environ is None else environ
     for folder in package_path:
         for package in source_packages(folder):
@@ -106,6 +106,8 @@ def _of_package(
 
 
 def _of_sources(package: str, name: str, roots: Sequence[Path]) -> Program | None:
+    from metaros.ros2.programs.source_packages import source_packages  # which only packages need
+
     for root in roots:
         for found in source_packages(root.resolve()):
             if found.name != package:
@@ -120,6 +122,8 @@ def _of_sources(package: str, name: str, roots: Sequence[Path]) -> Program | Non
 
 
 def _of_prefixes(package: str, name: str, environ: Mapping[str, str]) -> Program | None:
+    from metaros.ros2.programs.source_packages import is_python
+
     for prefix in _prefixes(environ):
         path = prefix / "lib" / package / name
         if not path.is_file():
@@ -170,6 +174,8 @@ def _is_module(name: str, folders: Sequence[str]) -> bool:
 
 
 def _nothing_found(first: str, rest: Sequence[str], package_path: Sequence[Path], environ: Mapping[str, str]) -> str:
+    import difflib
+
     found = list(executables(package_path=package_path, environ=environ))
     names = sorted({row.name for row in found if row.package == first})
     if names:

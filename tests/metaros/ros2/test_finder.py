@@ -14,6 +14,7 @@ import pytest
 import metaros.ros2.rclpy
 from metaros.ros2 import finder, install, installed, uninstall
 from metaros.ros2.rclpy import module_names
+from metaros.ros2.rosidl.catalogue import interface
 
 
 @pytest.fixture
@@ -29,7 +30,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clean: None) -> I
     """A folder for "installed" packages."""
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
-    for name in [name for name in sys.modules if name.partition(".")[0] in ("rclpy", "tf2_ros", "std_msgs")]:
+    for name in [
+        name for name in sys.modules if name.partition(".")[0] in ("rclpy", "tf2_ros", "std_msgs", "std_srvs")
+    ]:
         del sys.modules[name]
 
 
@@ -60,6 +63,7 @@ def test_the_names_are_our_modules_and_go_away_again() -> None:
         load("rclpy")
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of rclpy.qos_event, which is deprecated
 @pytest.mark.usefixtures("clean")
 def test_every_module_in_the_table_is_there_by_both_names() -> None:
     install()
@@ -93,6 +97,23 @@ def test_a_name_that_only_has_modules_below_it_can_be_imported(monkeypatch: pyte
     assert load("rclpy").hold.table is module_names
 
 
+@pytest.mark.usefixtures("clean")
+def test_packages_of_messages_and_all_else_that_programs_import() -> None:
+    install()
+    assert load("std_msgs.msg").String is interface("std_msgs/msg/String")
+    assert load("std_srvs.srv").Trigger is interface("std_srvs/srv/Trigger")
+    assert load("example_interfaces.action").Fibonacci is interface("example_interfaces/action/Fibonacci")
+    for name, home in finder.PACKAGES.items():
+        assert load(name) is load(home)
+    assert load("rosidl_parser.definition") is load("metaros.ros2.rosidl.parser.definition")
+    for name in ("std_msgs.nothing", "no_such_msgs", "no_such_msgs.msg", "tf2_ros.nothing"):
+        with pytest.raises(ModuleNotFoundError):
+            load(name)
+    uninstall()
+    with pytest.raises(ModuleNotFoundError):
+        load("std_msgs.msg")
+
+
 def test_an_installed_package_wins_each_for_itself_unless_shadowed(elsewhere: Path) -> None:
     (elsewhere / "rclpy").mkdir()
     (elsewhere / "rclpy" / "__init__.py").write_text("real = True\n")
@@ -101,14 +122,21 @@ def test_an_installed_package_wins_each_for_itself_unless_shadowed(elsewhere: Pa
     (elsewhere / "std_msgs" / "__init__.py").touch()
     (elsewhere / "std_msgs" / "msg" / "__init__.py").write_text("real = True\n")
     (elsewhere / "tf2_ros").mkdir()  # a folder is no package
+    (elsewhere / "std_srvs" / "srv").mkdir(parents=True)  # of interface files
     install()
     assert load("rclpy").real
     assert load("rclpy.qos").real
     assert load("std_msgs.msg").real
+    assert load("tf2_ros") is load("metaros.ros2.tf2_ros")
+    assert load("std_srvs.srv").Trigger is interface("std_srvs/srv/Trigger")
     for name in ("rclpy", "rclpy.qos", "std_msgs", "std_msgs.msg"):
         del sys.modules[name]
+    (elsewhere / "std_msgs" / "tools.py").write_text("real = True\n")
+    importlib.invalidate_caches()
     install(shadow=True)
     assert load("rclpy") is metaros.ros2.rclpy
+    assert load("std_msgs.tools").real  # beside its interfaces a package may have modules
+    assert load("std_msgs.msg").String is interface("std_msgs/msg/String")
 
 
 @pytest.mark.usefixtures("clean")
