@@ -79,7 +79,8 @@ class Catalogue:
         """The definition of `name`, or `UnknownTypeError`."""
         definition = self._find(name)
         if definition is None:
-            raise self._unknown(name)
+            trouble = self.trouble(name)
+            raise UnknownTypeError(f"no interface {name!r} in the catalogue{trouble and ': '}{trouble}")
         return definition
 
     def message(self, name: str) -> MessageDefinition:
@@ -153,10 +154,9 @@ class Catalogue:
                     made = self._made[key] = build()
         return cast("T", made)
 
-    def _unknown(self, name: str) -> UnknownTypeError:
-        if self._base is not None:
-            return self._base._unknown(name)
-        return UnknownTypeError(f"no interface {name!r} in the catalogue")
+    def trouble(self, name: str) -> str:
+        """Why there is no `name`, where a file would define it and is bad; empty otherwise."""
+        return "" if self._base is None else self._base.trouble(name)
 
     def _find(self, name: str) -> Definition | None:
         found = self._lookup(name)
@@ -242,10 +242,10 @@ class _ShippedCatalogue(Catalogue):
             self._folders = Folders()
         return self._folders
 
-    def _unknown(self, name: str) -> UnknownTypeError:
-        troubles = self._folders.troubles if self._folders else {}
-        trouble = next((troubles[item] for item in (name, *root_names(name)) if item in troubles), "")
-        return UnknownTypeError(f"no interface {name!r} in the catalogue{': ' if trouble else ''}{trouble}")
+    def trouble(self, name: str) -> str:
+        """Which file is bad, and why."""
+        bad = self._folders.bad if self._folders else {}
+        return next((bad[item] for item in (name, *root_names(name)) if item in bad), "")
 
     def _read(self, package: str) -> None:
         path = self._unread.pop(package, None)

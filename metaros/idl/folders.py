@@ -57,7 +57,8 @@ class Folders:
     """What a catalogue takes from the folders. Not thread-safe: the catalogue's lock guards it."""
 
     def __init__(self) -> None:
-        self.troubles: dict[str, str] = {}  # why an interface cannot be used, or which one of two is
+        self.bad: dict[str, str] = {}  # why what a file defines cannot be used
+        self._told: set[str] = set()
         self._files: dict[tuple[str, str], dict[str, Path]] = {}
 
     def choose(self, name: str, shipped: Definition | None) -> Definition | None:
@@ -66,9 +67,9 @@ class Folders:
         if own is not None and shipped is not None and own != shipped:
             path = self._of(name.partition("/")[0], OWN)[name]
             if name.partition("/")[0] in _NODES_OWN:
-                self._tell(name, f"{path} is not used: it differs from the {name} that nodes are made of")
+                self._tell(f"{path} is not used: it differs from the {name} that nodes are made of")
                 return shipped
-            self._tell(name, f"{path} is used for {name}; it differs from the shipped one, which others may have")
+            self._tell(f"{path} is used for {name}; it differs from the shipped one, which others may have")
         if own is not None or shipped is not None:
             return own or shipped
         return self._read(name, INSTALLED)
@@ -78,7 +79,7 @@ class Folders:
         found: list[str] = []
         for variable in (OWN, INSTALLED):
             for item in [package] if package else _packages(variable):
-                found += self._of(item, variable)
+                found += (name for name in self._of(item, variable) if name not in self.bad)
         return found
 
     def _of(self, package: str, variable: str) -> dict[str, Path]:
@@ -94,14 +95,17 @@ class Folders:
         if path is None:
             return None
         try:
-            return _read_file(name, path)
+            found = _read_file(name, path)
         except DefinitionError as error:
-            self._tell(name, str(error))
+            self.bad[name] = str(error)
+            self._tell(self.bad[name])
             return None
+        self.bad.pop(name, None)
+        return found
 
-    def _tell(self, name: str, text: str) -> None:
-        if self.troubles.get(name) != text:
-            self.troubles[name] = text
+    def _tell(self, text: str) -> None:
+        if text not in self._told:
+            self._told.add(text)
             _log.warning("%s", text)
 
 

@@ -44,6 +44,8 @@ def full_type(name: str, kind: str = "msg") -> str:
     full = expand(name, kind)
     if full in catalogue:
         return full
+    if trouble := catalogue.trouble(full):
+        raise UnknownTypeError(f"no interface {full!r} in the catalogue: {trouble}")
     hint = closest(full, catalogue.names(kind)) or f"`metaros interface list` shows all {len(catalogue.names())}"
     raise UnknownTypeError(f"no interface {full!r} in the catalogue\n{hint}")
 

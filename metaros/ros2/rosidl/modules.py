@@ -74,7 +74,11 @@ def _kind(package: str, kind: str) -> ModuleType:
     def find(name: str) -> Any:
         if name.startswith("_"):
             return package_module(f"{package}.{kind}.{name}")
-        return interface(prefix + name) if prefix + name in default_catalogue() else None
+        if prefix + name in default_catalogue():
+            return interface(prefix + name)
+        if trouble := default_catalogue().trouble(prefix + name):
+            raise ImportError(f"{package}.{kind}.{name}: {trouble}")
+        return None
 
     def listed() -> list[str]:
         return [name.split("/")[2] for root in roots() for name in _with_parts(root)]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib
 import pickle
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from metaros.idl.catalogue import shipped_names
+from metaros.idl.catalogue import default_catalogue, shipped_names
 from metaros.ros2.rosidl.catalogue import interface
 from metaros.ros2.rosidl.modules import package_module
 
@@ -66,3 +67,15 @@ def test_imports_of_programs() -> None:
         exec("from std_msgs.msg import Strng")
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("std_msgs.srv")
+
+
+def test_a_bad_file_is_named_where_it_is_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "bad_file_msgs" / "msg" / "Bad.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text("what is this")
+    monkeypatch.setenv("METAROS_INTERFACE_PATH", str(tmp_path))
+    module: Any = package_module("bad_file_msgs.msg")
+    with pytest.raises(ImportError, match=r"Bad\.msg: bad_file_msgs/msg/Bad, line 1"):
+        _ = module.Bad
+    assert not hasattr(module, "Other")
+    assert "bad_file_msgs/msg/Bad" not in default_catalogue().names()  # nobody is told to try it
