@@ -86,6 +86,8 @@ class Agenda:
 
     def pop(self, nodes: Collection[Any] | None = None) -> Work | Task[Any] | None:
         """The next that may run now, of these nodes or of all; None where nothing may."""
+        if not self._entries:
+            return None
         with self._lock:
             for _ in range(len(self._entries)):
                 entry = self._entries.popleft()
@@ -126,7 +128,7 @@ class Agenda:
         with self._lock:
             found: list[Work | Task[Any]] = []
             waits: list[float] = []
-            if not timers_only:
+            if not timers_only and (self._tasks or self._polls):
                 self._gather_tasks(found, waits)
             for handle, node in self._nodes.items():
                 if not timers_only:
@@ -162,7 +164,7 @@ class Agenda:
             found.extend(reversed([self._tasks.popleft() for _ in range(count)]))
 
     def _gather_timers(self, handle: Any, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
-        for timer in list(node.timers):
+        for timer in node.timers:
             state = timer.handle
             left_ns = state.time_until_next_call()
             if left_ns is None:
@@ -182,12 +184,12 @@ class Agenda:
             found.append(NativeTimerWork(own.pop_due(), None, node))
 
     def _gather_guards(self, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
-        for guard in list(node.guards):
+        for guard in node.guards:
             if guard.handle.triggered and id(guard) not in self._handed:
                 self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
 
     def _gather_waitables(self, node: Any, executor: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
-        waitables = list(node.waitables)
+        waitables = [waitable for waitable in node.waitables if not getattr(waitable, "_by_mail", False)]
         if not waitables:
             return
         asked = []
