@@ -96,6 +96,22 @@ def test_peers_that_come_leave_and_come_back_are_counted_on_both_ends(listener, 
     assert {(e.node, e.total, e.current) for e in said} == {("/listener", 1, 1)}
 
 
+def test_the_callbacks_of_an_endpoint_may_have_a_group(listener, talker):
+    group = metaros.MutuallyExclusiveCallbackGroup()
+    entered: list[Any] = []
+    enter = group.enter
+    group.enter = lambda job: entered.append(job) or enter(job)
+    events = SubscriptionEvents(matched=lambda _: received.append(1), group=group)
+    received: list[Any] = []
+    executor = metaros.MultiThreadedExecutor()
+    EXECUTORS.append(executor)
+    executor.add_node(listener)
+    listener.create_subscription(String, "/t", print, events=events)
+    talker.create_publisher(String, "/t")
+    wait_until(lambda: executor.spin_once(0.01) or received)
+    assert entered
+
+
 def test_incompatible_qos_is_reported_on_both_ends_with_names_and_policies(listener, talker):
     received: list[Any] = []
     said: list[Any] = []

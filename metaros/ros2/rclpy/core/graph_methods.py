@@ -46,8 +46,8 @@ class GraphMethods:
         return _names_and_types(self._endpoints("MP", "MS"))
 
     def get_service_names_and_types(self) -> NamesAndTypes:
-        """Each service with its types, by its servers."""
-        return _names_and_types(self._endpoints("SS"))
+        """Each service that somebody serves or would call, with its types."""
+        return _names_and_types(self._endpoints("SS", "SC"))
 
     def get_node_names(self) -> list[str]:
         """The name of each node, without its namespace."""

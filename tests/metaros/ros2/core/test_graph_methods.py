@@ -37,12 +37,14 @@ def _node(rclpy_context: Context, ros2_router: str) -> Iterator[Node]:
         node.create_subscription(text, "seen", lambda _: None, 1)
         node.create_subscription(text, "/new", lambda _: None, 1)
         node.create_client(trigger, "~/kick")
+        node.create_client(trigger, "nobody_serves")
         node.create_service(trigger, "~/kick", lambda _, response: response)
         router = f"tcp/127.0.0.1:{ros2_router}"
         with (
             metaros.Context(domain_id=0, connect=router, environ={}) as context,
             metaros.Node("peer", context=context) as peer,
         ):
+            peer.create_publisher(str, "/theirs")
             peer.create_publisher(str, "/ns/seen")
             wait_until(lambda: node.count_publishers("seen") == 2)
             yield node
@@ -58,6 +60,7 @@ def test_names_of_nodes(node: Node) -> None:
 def test_names_and_types(node: Node) -> None:
     topics, services = dict(node.get_topic_names_and_types()), dict(node.get_service_names_and_types())
     assert (topics["/ns/seen"], topics["/new"], services["/ns/eye/kick"]) == ([TEXT], [TEXT], [TRIGGER])
+    assert services["/ns/nobody_serves"] == [TRIGGER]
     assert "/ns/eye/kick" not in topics
     assert list(topics) == sorted(topics)
 
@@ -70,9 +73,12 @@ def test_what_a_node_has(node: Node) -> None:
         "clients": dict(node.get_client_names_and_types_by_node("eye", "/ns")),
     }
     assert set(found["publishers"]) >= {"/ns/seen", "/rosout"}
+    assert "/theirs" not in found["publishers"]
+    assert "/theirs" in dict(node.get_publisher_names_and_types_by_node("peer", "/"))
     assert found["subscriptions"] == {"/new": [TEXT], "/ns/seen": [TEXT]}
     assert found["services"].keys() >= {"/ns/eye/kick", "/ns/eye/get_parameters", "/ns/eye/get_type_description"}
-    assert found["clients"] == {"/ns/eye/kick": [TRIGGER]}
+    assert found["clients"] == {"/ns/eye/kick": [TRIGGER], "/ns/nobody_serves": [TRIGGER]}
+    assert "/ns/nobody_serves" not in found["services"]
     with pytest.raises(NodeNameNonExistentError, match="/ns/ear"):
         node.get_client_names_and_types_by_node("ear", "/ns")
     with pytest.raises(InvalidNodeNameException):

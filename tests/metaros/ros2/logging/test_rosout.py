@@ -90,6 +90,8 @@ def test_the_node_of_the_library_goes_by_the_same_level(node: Node, rclpy_contex
         loggers.set_logger_level(name, level)
         levels.append(native.level)
     assert levels == [20, 40, 20, 10]
+    with Node("late", context=rclpy_context) as late:
+        assert late.handle.get_logger().level == 10
     arguments = ["--ros-args", "--log-level", "fatal"]
     with Node("loud", context=rclpy_context, cli_args=arguments) as loud:
         assert loud.get_logger().get_effective_level() is LoggingSeverity.FATAL
