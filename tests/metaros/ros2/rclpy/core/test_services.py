@@ -143,6 +143,7 @@ def test_what_a_servers_callback_raises_comes_out_of_spin(node: Node, executor: 
             for _ in range(3):
                 executor.spin_once(timeout_sec=0.01)
             assert not future.done()
+            wait_until(lambda: not client.handle._calls)  # noqa: B023  (it was told that no answer comes)
         outcomes[0] = ValueError("no")
 
 
@@ -155,7 +156,9 @@ def test_without_an_answer_a_future_stays_open(node: Node, executor: SingleThrea
     service = node.create_service(interface(ADD), "add", add)
     assert client.wait_for_service(timeout_sec=30)
     forgotten, wanted = client.call_async(request_of(1, 2)), client.call_async(request_of(3, 4))
+    assert len(client.handle._calls) == 2
     client.remove_pending_request(forgotten)
+    assert len(client.handle._calls) == 1
     executor.spin_until_future_complete(wanted, timeout_sec=30)
     assert sum_of(wanted) == 7
     assert not forgotten.done()
