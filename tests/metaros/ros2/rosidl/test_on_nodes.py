@@ -16,6 +16,7 @@ def test_both_shapes_hear_and_serve_each_other(rclpy_context):
     scan, native_scan = interface("sensor_msgs/msg/LaserScan"), message_class("sensor_msgs/msg/LaserScan")
     fibonacci, native_fibonacci = (get("example_interfaces/action/Fibonacci") for get in (interface, message_class))
     add, native_add = (get("example_interfaces/srv/AddTwoInts") for get in (interface, message_class))
+    fed: list[Any] = []
     heard: dict[str, list[Any]] = {"ours": [], "native": []}
 
     def serve(request: Any, response: Any) -> None:
@@ -25,6 +26,7 @@ def test_both_shapes_hear_and_serve_each_other(rclpy_context):
     def execute(goal: Any) -> Any:
         assert type(goal.request) is fibonacci.Goal
         goal.publish_feedback(fibonacci.Feedback(sequence=[0, 1]))
+        wait_until(lambda: fed)  # a result ends the hearing
         return fibonacci.Result(sequence=array("i", range(goal.request.order)))
 
     with metaros.Node("shapes", context=rclpy_context.handle) as node:
@@ -42,11 +44,10 @@ def test_both_shapes_hear_and_serve_each_other(rclpy_context):
                     node.create_action_client(action, "/count_shapes"),
                 )
                 answer = client.call(kind.Request(a=2, b=3), timeout_s=60.0)
-                fed: list[Any] = []
+                fed.clear()
                 assert goals.wait_for_server(60.0)
                 goal = goals.send_goal(action.Goal(order=3), feedback=fed.append, timeout_s=60.0).wait()
                 result = goal.result(60.0).wait().result
-                wait_until(lambda: fed)  # noqa: B023
                 assert (type(answer), answer.sum, type(result)) == (kind.Response, 5, action.Result)
                 assert (list(result.sequence), list(fed[0].sequence), type(fed[0])) == (
                     [0, 1, 2],
