@@ -11,7 +11,6 @@ from typing import Any
 from metaros.cdr import codec
 from metaros.errors import PeerError
 from metaros.executor import CallbackGroup
-from metaros.node import heartbeat
 from metaros.node.arguments import NodeArguments
 from metaros.node.context import Context as NativeContext
 from metaros.node.core import NodeCore
@@ -43,7 +42,6 @@ class NodeHandle(Destroyable, NativeNode):
         self._by_itself = 0
         self.parameters = make_parameters(arguments.full_name)
         NodeCore.__init__(self, arguments, context=context, use_sim_time=False, nice=0, critical=False)
-        heartbeat.follow(self)
 
     def made(self) -> None:
         """Everything that a node has by itself is there: what comes now, its program wants."""

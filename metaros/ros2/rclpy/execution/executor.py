@@ -38,7 +38,7 @@ class Executor(ExecutorCore):
         turn = self._turn()
         self._begin()
         try:
-            with interrupts(self.wake) as interrupted:
+            with interrupts(self.wake) as interrupted, self._supervised():
                 while self._context.ok() and not self._is_shutdown:
                     turn()
                     interrupted.check()

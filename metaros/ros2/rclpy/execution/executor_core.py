@@ -7,12 +7,14 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Coroutine, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from metaros.concurrency.waiting import Wakeup
 from metaros.errors import UsageError
 from metaros.executor import Ingress
 from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
+from metaros.node import heartbeat
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.utilities import get_default_context
 from metaros.ros2.rclpy.execution.agenda import Agenda
@@ -82,6 +84,7 @@ class ExecutorCore:
         self._is_shutdown = False
         self._lock = threading.RLock()
         self._depth = 0  # spins within each other, on one thread
+        self._spins_on = False  # by `spin`, until the end
         self._thread: int | None = None
         self._asleep = False  # from before the last look at what is ready until the end of the wait
         self._waiter = Waiter(self)
@@ -114,6 +117,8 @@ class ExecutorCore:
             self._nodes = (*self._nodes, node)
             node.executor = self  # which removes it from the one it had
             self._agenda.add(node)
+            if self._spins_on:
+                heartbeat.follow(node.handle)
             if self._depth:
                 self._served = ingress
                 ingress.claim(self._agenda.queue, [node.handle])
@@ -127,6 +132,8 @@ class ExecutorCore:
                 return
             self._nodes = tuple(member for member in self._nodes if member is not node)
             handle = self._agenda.remove(node)
+            if handle is not None and self._spins_on:
+                heartbeat.leave(handle)
             if handle is not None and self._depth:
                 handle.ingress.release(self._agenda.queue, [handle])
         self.wake()
@@ -196,6 +203,21 @@ class ExecutorCore:
                 self._served = None
         if self._is_shutdown:
             self._clear()
+
+    @contextmanager
+    def _supervised(self) -> Iterator[None]:
+        """Have a supervisor hear of each node while this spins on and on: who spins now and then may fall silent."""
+        with self._lock:
+            self._spins_on = True
+            for handle in self._agenda.handles:
+                heartbeat.follow(handle)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._spins_on = False
+                for handle in self._agenda.handles:
+                    heartbeat.leave(handle)
 
     # -- the next callback -----------------------------------------------------------------------------------------
 
