@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -23,20 +24,23 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
 class _Hooks:
-    """The node's callbacks as the library's lifecycle asks for them: by name, states and results in its own terms."""
+    """The node's callbacks as the library's lifecycle asks for them: by name, states and results in its own terms.
 
-    def __init__(self, full_name: str, callbacks: dict[str, Callable[[LifecycleState], Answer]]) -> None:
-        self.full_name = full_name
-        self._callbacks = callbacks
+    It refers to the node weakly: who serves its states does not keep it.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.full_name = node.handle.full_name
+        self._node = weakref.ref(node)
 
     def __getattr__(self, name: str) -> Callable[[State], Result]:
-        callback = self._callbacks.get(name)
+        node = self._node()
+        callback = None if node is None else node._callbacks.get(name)
         if callback is None:
             raise AttributeError(f"no callback {name!r}")
-        found = callback
 
         def ask(before: State) -> Result:
-            answer = found(LifecycleState(before.label, before.id))
+            answer = callback(LifecycleState(before.label, before.id))
             if answer not in RESULTS:
                 raise UsageError(f"{name} must return a TransitionCallbackReturn, not {answer!r}")
             return RESULTS[answer]
@@ -63,7 +67,7 @@ class LifecycleNodeMixin(ManagedEntity):
         self._callbacks = {f"on_{name}": getattr(self, f"on_{name}") for name in names}
         self._lifecycle = Lifecycle(
             this.handle,
-            hooks=_Hooks(this.handle.full_name, self._callbacks),
+            hooks=_Hooks(self),
             offered=enable_communication_interface,
             group=this.default_callback_group if callback_group is None else callback_group,
         )
@@ -160,3 +164,4 @@ class LifecycleNode(LifecycleNodeMixin, Node):
     def __init__(self, node_name: str, *, enable_communication_interface: bool = True, **kwargs: Any) -> None:
         Node.__init__(self, node_name, **kwargs)
         LifecycleNodeMixin.__init__(self, enable_communication_interface=enable_communication_interface)
+        self.handle.made()

@@ -7,6 +7,7 @@ from typing import Any
 from metaros.ros2.rclpy.core.publisher import Publisher
 from metaros.ros2.rclpy.lifecycle.managed_entity import SimpleManagedEntity
 from metaros.ros2.rclpy.lifecycle.transitions import LifecycleState, TransitionCallbackReturn
+from metaros.ros2.rclpy.logging.loggers import get_logger
 
 __all__ = ["LifecyclePublisher"]
 
@@ -30,5 +31,5 @@ class LifecyclePublisher(SimpleManagedEntity, Publisher):
             Publisher.publish(self, msg)
         elif not self._warned:
             self._warned = True
-            native = self.handle
-            native.node.get_logger().warn(f"{native.topic}: not published, its lifecycle publisher is not activated")
+            logger = get_logger(self.logger_name)
+            logger.warning(f"{self.topic_name}: not published, its lifecycle publisher is not activated")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -182,6 +183,12 @@ def test_methods_that_run_only_while_enabled() -> None:
     light.on_deactivate(state)
     assert light.level() is None
     assert TransitionCallbackReturn.FAILURE.to_label() == "transition_failure"
+
+
+def test_a_node_that_nobody_has_any_more_leaves_the_graph(rclpy_context: Context) -> None:
+    handle = LifecycleNode("forgotten", context=rclpy_context).handle
+    gc.collect()
+    wait_until(lambda: handle.closed)
 
 
 def test_without_an_interface_nobody_sees_it(make: MakeNode, rclpy_context: Context) -> None:
