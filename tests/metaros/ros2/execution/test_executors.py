@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -313,11 +316,10 @@ def test_what_waits_goes_with_the_node_to_its_next_executor(
     executor.add_node(node)
     executor.spin_once(timeout_sec=0)
     executor.remove_node(node)
-    executor.spin_once(timeout_sec=0)
-    assert len(heard) == 1
     dropped = SingleThreadedExecutor(context=rclpy_context)
     dropped.add_node(node)
     dropped.spin_once(timeout_sec=0)
+    assert len(heard) == 2
     del dropped
     gc.collect()
     executor.add_node(node)
@@ -469,6 +471,28 @@ def test_two_threads_cannot_spin_it(node: Node, executor: SingleThreadedExecutor
     executor.shutdown()
     thread.join(5)
     assert not thread.is_alive()
+
+
+def test_ctrl_c_ends_a_spin_even_where_somebody_swallows_it(node: Node, executor: SingleThreadedExecutor) -> None:
+    def swallows() -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    executor.add_node(node)
+    for end, wanted in ((swallows, 1), (lambda: signal.raise_signal(signal.SIGINT), 2)):
+        node.create_guard_condition(end).trigger()
+        with pytest.raises(KeyboardInterrupt):
+            executor.spin()
+        node.create_guard_condition(end).trigger()
+        with pytest.raises(KeyboardInterrupt):
+            executor.spin_until_future_complete(Future[None](), timeout_sec=5)
+        assert len(list(node.guards)) == 2 * wanted
+    interrupter = threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT))
+    interrupter.start()
+    with pytest.raises(KeyboardInterrupt):
+        executor.spin()
+    interrupter.join()
+    executor.spin_once(timeout_sec=0)  # all is in order
 
 
 # -- the end -----------------------------------------------------------------------------------------------------------
@@ -701,6 +725,8 @@ def test_a_group_of_ones_own(node: Node, executor: SingleThreadedExecutor) -> No
     executor.spin_until_future_complete(Future[None](), timeout_sec=0.01)
     assert heard == ["a", "b"]
     assert group.begun == [subscription] * 2
-    group.tokens = 1  # nobody tells the executor: it asks such a group again now and then
+    refill = threading.Timer(0.01, setattr, (group, "tokens", 1))
+    refill.start()  # nobody tells the executor: it asks such a group again now and then
     executor.spin_once(timeout_sec=5)
+    refill.join()
     assert heard == ["a", "b", "c"]
