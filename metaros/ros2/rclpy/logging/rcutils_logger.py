@@ -80,7 +80,7 @@ class RcutilsLogger:
         """
         if severity < LEVELS.effective(self.name):
             return False
-        severity = LoggingSeverity(severity)
+        grave = LoggingSeverity(severity)
         frame = sys._getframe(1)
         while frame.f_back is not None and _is_internal(frame):
             frame = frame.f_back
@@ -90,14 +90,14 @@ class RcutilsLogger:
         line = (code, frame.f_lasti)
         filters = self.contexts.get(line)
         if filters is None:
-            filters = self.contexts[line] = Filters(name, severity, wanted, kwargs)
+            filters = self.contexts[line] = Filters(name, grave, wanted, kwargs)
         else:
-            filters.check_same(name, severity, wanted, kwargs)
+            filters.check_same(name, grave, wanted, kwargs)
         if wanted and not filters.pass_on():
             return False
         stamp_ns = STATE.clock.wall_ns()
         file = os.path.abspath(code.co_filename)
-        record = Record(severity.name, name, str(message), stamp_ns, code.co_name, file, frame.f_lineno)
+        record = Record(grave.name, name, str(message), stamp_ns, code.co_name, file, frame.f_lineno)
         STATE.write(record)
         return True
 
