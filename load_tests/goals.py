@@ -92,6 +92,9 @@ GOALS: tuple[Goal, ...] = (
         for operation in ("encode", "decode")
         for least in (3 if kind == "Imu" else 1,)
     ),
+    *(Goal(benchmark="ros2", figure=f"{size} B, native ÷ rclpy", unit="×", most=1.2) for size in (64, 65536, 1048576)),
+    Goal(benchmark="ros2", figure="rclpy, first message", unit="ms", most=400),
+    Goal(benchmark="ros2", figure="rclpy, first message, of import numpy", unit="×"),
     Goal(benchmark="service", figure="call p50, of raw", unit="×", most=1.5),
     Goal(benchmark="service", figure="call p50", unit="µs", peer=_RAW),
     Goal(benchmark="service", figure="goals a second, 32 at a time", unit="/s", less=False),

@@ -102,12 +102,65 @@ class OurEnd:
             self._spinning = True
 
 
+class RclpyEnd:
+    """A node as programs written for rclpy have it."""
+
+    def __init__(self, *, keep_all: bool, **endpoints: str) -> None:
+        import metaros.ros2
+
+        metaros.ros2.install()
+        import rclpy
+        import rclpy.qos
+
+        given = {"connect": "", "listen": "", **endpoints}
+        told = ";".join(f"{name}/endpoints={json.dumps([where] if where else [])}" for name, where in given.items())
+        os.environ["ZENOH_CONFIG_OVERRIDE"] = told
+        rclpy.init(domain_id=0)
+        self._rclpy = rclpy
+        self._node = rclpy.create_node(f"bench_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
+        history = rclpy.qos.HistoryPolicy.KEEP_ALL if keep_all else rclpy.qos.HistoryPolicy.KEEP_LAST
+        self._qos = rclpy.qos.QoSProfile(history=history, depth=10)
+        self._spinning = False
+
+    def _message(self, size: int) -> Any:
+        from sensor_msgs.msg import Image as RosImage
+        from std_msgs.msg import String as RosString
+
+        if size <= _SMALL:
+            return RosString(data="x" * (size - 9))
+        return RosImage(height=1, width=size, encoding="mono8", step=size, data=bytes(size))
+
+    def sender(self, key: str, size: int) -> Callable[[], None]:
+        """A function that sends once."""
+        message = self._message(size)
+        publish = self._node.create_publisher(type(message), key, self._qos).publish
+        return lambda: publish(message)
+
+    def listen(self, key: str, size: int, heard: Callable[[], None]) -> None:
+        """Call `heard` for each message."""
+        self._node.create_subscription(type(self._message(size)), key, lambda _message: heard(), self._qos)
+        if not self._spinning:
+            threading.Thread(target=self._rclpy.spin, args=(self._node,), daemon=True).start()
+            self._spinning = True
+
+
+def _end(options: Any) -> RawEnd | OurEnd | RclpyEnd:
+    """What the path names."""
+    where = {"listen" if options.role in ("count", "echo") else "connect": options.endpoint}
+    flat_out = options.role in ("count", "flood")
+    if options.path == "raw":
+        return RawEnd(shared_memory=options.shm, **where)
+    if options.path == "rclpy":
+        return RclpyEnd(keep_all=flat_out, **where)
+    return OurEnd(options.path, shared_memory=options.shm, qos=qos_reliable_all if flat_out else qos_default, **where)
+
+
 def _report(**figures: object) -> None:
     print(json.dumps(figures), flush=True)
     os._exit(0)  # a flooded session need not be taken down tidily
 
 
-def _count(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
+def _count(end: RawEnd | OurEnd | RclpyEnd, size: int, seconds: float) -> None:
     count = 0
 
     def heard() -> None:
@@ -129,7 +182,7 @@ def _count(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
     )
 
 
-def _flood(end: RawEnd | OurEnd, size: int) -> None:
+def _flood(end: RawEnd | OurEnd | RclpyEnd, size: int) -> None:
     """Until told to stop."""
     send, count, reported = end.sender("bench/there", size), 0, threading.Event()
     threading.Thread(target=lambda: (sys.stdin.readline(), reported.set()), daemon=True).start()
@@ -141,14 +194,14 @@ def _flood(end: RawEnd | OurEnd, size: int) -> None:
     _report(cpu_us=(time.process_time() - cpu_s) / count * 1e6)
 
 
-def _echo(end: RawEnd | OurEnd, size: int) -> None:
+def _echo(end: RawEnd | OurEnd | RclpyEnd, size: int) -> None:
     end.listen("bench/there", size, end.sender("bench/back", size))
     print("ready", flush=True)
     sys.stdin.readline()
     os._exit(0)
 
 
-def _ping(end: RawEnd | OurEnd, size: int, seconds: float) -> None:
+def _ping(end: RawEnd | OurEnd | RclpyEnd, size: int, seconds: float) -> None:
     """Round trips one after another."""
     back = threading.Event()
     trips: list[float] = []
@@ -179,13 +232,7 @@ def main(argv: Sequence[str] = ()) -> int:
     parser.add_argument("--seconds", type=float, required=True)
     parser.add_argument("--shm", action="store_true")
     options = parser.parse_args(list(argv))
-    where = {"listen" if options.role in ("count", "echo") else "connect": options.endpoint}
-    qos = qos_reliable_all if options.role in ("count", "flood") else qos_default
-    end = (
-        RawEnd(shared_memory=options.shm, **where)
-        if options.path == "raw"
-        else OurEnd(options.path, shared_memory=options.shm, qos=qos, **where)
-    )
+    end = _end(options)
     if options.role == "count":
         _count(end, options.size, options.seconds)
     elif options.role == "flood":
