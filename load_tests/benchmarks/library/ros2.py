@@ -3,8 +3,9 @@
     python -m load_tests ros2 [--rounds 5] [--seconds 1.0] [--sizes 64,65536,1048576]
 
 `rclpy` is `publisher.publish(message)` to `rclpy.spin(node)` with message classes of rosidl's shape; `shared` is
-the same by the native node and its executor. Both flat out, reliable and keep-all, between two processes over loopback, as in
-the benchmark `pubsub`. The start is a whole program: `import rclpy`, a node with a publisher and a subscription, spun
+the same by the native node and its executor. Both flat out, reliable and keep-all, between two processes over
+loopback, as in the benchmark `pubsub`. The start is a whole program: `import rclpy`, a node with a publisher and a
+subscription, spun
 until its own first message has come, beside `python -c "import numpy"`; the wall's clock, of processes that end.
 """
 
