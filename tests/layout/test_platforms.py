@@ -288,9 +288,8 @@ def test_every_module_imports_where_that_is_missing() -> None:
             for platform, lacks in LACKS.items()
         },
     )
-    done = subprocess.run(
-        [sys.executable, "-"], input=code, cwd=ROOT, capture_output=True, text=True
-    )  # too long for -c
+    # By stdin: it is too long for an argument.
+    done = subprocess.run([sys.executable, "-"], input=code, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-4000:]
     assert done.stdout.strip() == ""
 
