@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any, Final
 
-from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
+from metaros.ros2.rclpy.execution.callback_groups import MutuallyExclusiveCallbackGroup
 from metaros.ros2.rclpy.qos.profile import DurabilityPolicy, HistoryPolicy, QoSProfile
 from metaros.ros2.rosidl.catalogue import interface
 
@@ -45,7 +45,9 @@ class TransformListener:
             )
         self.buffer = buffer
         self.node = node
-        self.group = ReentrantCallbackGroup()  # so that a callback of the node may wait for a transform
+        # Of its own, so that a callback of the node may wait for a transform. tf2_ros has a reentrant one, in which an
+        # executor with several threads may put messages in the wrong order: of static transforms the older would stay.
+        self.group = MutuallyExclusiveCallbackGroup()
         message = interface("tf2_msgs/msg/TFMessage")
         if not static_only:
             self.tf_sub = node.create_subscription(message, tf_topic, self.callback, qos, callback_group=self.group)

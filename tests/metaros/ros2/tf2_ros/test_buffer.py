@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from metaros.ros2.rclpy.time.clock import ClockType, ROSClock
 from metaros.ros2.rclpy.time.duration import Duration
 from metaros.ros2.rclpy.time.time import Time
 from metaros.ros2.rosidl.catalogue import interface
@@ -118,12 +119,22 @@ def test_coroutines_wait_too() -> None:
 
 def test_a_clock_that_jumps_back_empties_the_buffer(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, "metaros.ros2.tf2")
-    buffer = Buffer()
+    clock: Any = ROSClock()
+    node = SimpleNamespace(get_clock=lambda: clock, create_service=lambda *args: args)
+    buffer = Buffer(node=node)
+    clock._set_ros_time_is_active(True)
+    clock.set_ros_time_override(Time(seconds=8, clock_type=ClockType.ROS_TIME))
     buffer.set_transform(edge(), "tests")
-    buffer.time_jump_callback(SimpleNamespace())
+    caplog.clear()
+    clock.set_ros_time_override(Time(seconds=7.5, clock_type=ClockType.ROS_TIME))
+    assert buffer.can_transform("foo", "bar", Time()), "half a second is no new recording"
+    clock.set_ros_time_override(Time(seconds=6, clock_type=ClockType.ROS_TIME))
     with pytest.raises(ConnectivityException):
         buffer.lookup_transform("foo", "bar", Time())
     assert "jump back in time" in caplog.text
+    kind, name, tell = buffer.srv
+    assert (kind, name) == (interface("tf2_msgs/srv/FrameGraph"), "tf2_frames")
+    assert tell(None, SimpleNamespace()).frame_yaml == ""
 
 
 def test_objects_go_through_the_buffer() -> None:
