@@ -166,6 +166,51 @@ def test_an_async_subscription_keeps_the_order_and_a_reentrant_one_overlaps(
     ]
 
 
+def test_so_many_coroutines_of_a_reentrant_group_as_its_overlap_says(
+    node: Node, executor: SingleThreadedExecutor
+) -> None:
+    gates, begun = [Future[None]() for _ in range(3)], list[int]()
+
+    async def handle(number: int) -> None:
+        begun.append(number)
+        await gates[number]
+
+    group = ReentrantCallbackGroup()
+    group.overlap = 2
+    inbox = Inbox(node.handle, handle, group)
+    executor.add_node(node)
+    for number in range(3):
+        inbox.put(number)
+    for _ in range(4):
+        executor.spin_once(timeout_sec=0)
+    assert begun == [0, 1]
+    gates[1].set_result(None)
+    for _ in range(2):
+        executor.spin_once(timeout_sec=0)
+    assert begun == [0, 1, 2]
+
+
+def test_a_timer_that_becomes_due_goes_before_mail_that_waits(node: Node, executor: SingleThreadedExecutor) -> None:
+    calls, timers = list[str](), list[Any]()
+
+    def on_mail(name: str) -> None:
+        calls.append(name)
+        wait_until(lambda: timers[0].is_ready() or len(calls) > 1, every_s=0.001)
+        if len(calls) == 3:
+            executor.shutdown()
+
+    def on_timer() -> None:
+        calls.append("timer")
+        timers[0].cancel()
+
+    executor.add_node(node)
+    for _ in range(2):
+        Inbox(node.handle, on_mail, node.default_callback_group).put("mail")
+    timers.append(node.create_timer(0.02, on_timer))
+    executor.spin()
+    assert calls == ["mail", "timer", "mail"]
+
+
 def test_what_callbacks_raise_comes_out_of_the_spin(node: Node, executor: SingleThreadedExecutor) -> None:
     string = interface("std_msgs/msg/String")
 

@@ -86,6 +86,25 @@ def test_two_exclusive_groups_run_beside_each_other(node: Node, pool: MultiThrea
     assert meeting.met.done()
 
 
+def test_what_waits_for_a_thread_is_handed_out_once(node: Node, pool: MultiThreadedExecutor) -> None:
+    may_end, calls, group = threading.Event(), list[str](), ReentrantCallbackGroup()
+    pool.add_node(node)
+    blockers = [node.create_guard_condition(lambda: may_end.wait(5), callback_group=group) for _ in range(3)]
+    for guard in blockers:
+        guard.trigger()
+    for _ in range(3):
+        pool.spin_once(timeout_sec=5)
+    wait_until(lambda: not any(guard.handle.triggered for guard in blockers))
+    node.create_guard_condition(lambda: calls.append("guard"), callback_group=group).trigger()
+    node.create_timer(0, lambda: calls.append("timer"), callback_group=group)
+    for _ in range(5):
+        pool.spin_once(timeout_sec=0)
+    may_end.set()
+    wait_until(lambda: len(calls) == 2)
+    pool.shutdown()
+    assert sorted(calls) == ["guard", "timer"]
+
+
 def test_a_callback_may_wait_for_a_response(node: Node, pool: MultiThreadedExecutor) -> None:
     """The server's and the client's callbacks are in other groups than the one that waits."""
     pool.add_node(node)

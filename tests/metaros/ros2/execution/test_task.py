@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -126,6 +127,25 @@ def test_asyncio_may_await_a_future() -> None:
     task = Task[int](lambda: asyncio.run(main()))  # a task's own thread runs a loop: the loop drives
     task()
     assert task.result() == 7
+
+
+def test_what_a_loop_within_a_task_awaited_is_not_what_the_task_awaits() -> None:
+    recorder = Recorder()
+
+    async def within() -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(0):
+                await Future[None]()
+
+    async def outer() -> None:
+        asyncio.run(within())
+        await asyncio.sleep(0)
+
+    task = Task[None](outer, executor=recorder)
+    task()
+    assert recorder.again == [task]
+    task()
+    assert task.done()
 
 
 def test_a_task_runs_what_it_was_given_once() -> None:

@@ -115,7 +115,9 @@ def test_a_detached_node_is_asked_no_more(node: Node, rclpy_context: Context) ->
     assert _use_sim_time(node, True)
     source.detach_node()
     assert (source._get_node(), source._clock_sub, source.ros_time_is_active) == (None, None, False)
-    assert _use_sim_time(node, False)
+    for value in (False, True):
+        assert _use_sim_time(node, value)
+    assert not source.ros_time_is_active
     with Node("other", context=rclpy_context, start_parameter_services=False, enable_rosout=False) as other:
         source.attach_node(other)
         assert source._get_node() is other
