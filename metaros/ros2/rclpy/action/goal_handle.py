@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from metaros.node.action.goal import Goal, GoalState
 from metaros.node.action.goal import GoalEvent as NativeEvent
+from metaros.ros2.rclpy.core.rcl_errors import RCLError
 from metaros.ros2.rclpy.execution.task import Future
 
 __all__ = ["GoalEvent", "ServerGoalHandle"]
@@ -101,8 +102,11 @@ class ServerGoalHandle:
 
     def executing(self) -> None:
         """It runs now; does nothing to a goal that is to be canceled, which its callback finds out."""
-        if not self.is_cancel_requested:
+        try:
             self._update_state(GoalEvent.EXECUTE)
+        except RCLError:
+            if not self.is_cancel_requested:  # a cancel may come at any moment
+                raise
 
     def execute(self, execute_callback: Callable[[Any], Any] | None = None) -> None:
         """Have the executor run `execute_callback(goal_handle)`, or the server's own; RCLError the second time."""

@@ -11,6 +11,7 @@ from typing import Any, Final
 from metaros.executor import Ingress, Mailbox
 from metaros.executor.ingress import ReadyQueue
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
+from metaros.ros2.rclpy.execution.inbox import InboxMail
 from metaros.ros2.rclpy.execution.task import Task
 from metaros.ros2.rclpy.execution.wait_set import WaitSet
 from metaros.ros2.rclpy.execution.work import GuardWork, MailWork, NativeTimerWork, TimerWork, WaitableWork, Work
@@ -37,6 +38,7 @@ class Agenda:
         self._lock = threading.RLock()
         self._entries: deque[Work | Task[Any]] = deque()
         self._parked: list[Mailbox] = []  # with items, while their group is busy
+        self._tasks_came = False  # alone, the last time
         self._handed: dict[
             int, Work
         ] = {}  # by the id of sources that handlers will run, which are not given out meanwhile
@@ -124,12 +126,22 @@ class Agenda:
     # -- looking around --------------------------------------------------------------------------------------------
 
     def gather(self, executor: Any, *, timers_only: bool = False) -> None:
-        """Put what is ready on the agenda. `timers_only`: those that became due go first."""
+        """Put what is ready on the agenda. `timers_only`: those that became due go first.
+
+        Tasks come alone every other time: what they make ready, such as a message, is seen together with all else.
+        """
         with self._lock:
             found: list[Work | Task[Any]] = []
             waits: list[float] = []
             if not timers_only and (self._tasks or self._polls):
                 self._gather_tasks(found, waits)
+                self._tasks_came = bool(found) and not self._tasks_came
+                if self._tasks_came:
+                    self._entries.extend(found)
+                    self.due_s = time.monotonic()  # look again at once
+                    return
+            elif not timers_only:
+                self._tasks_came = False
             for handle, node in self._nodes.items():
                 if not timers_only:
                     self._gather_waitables(node, executor, found, waits)
@@ -215,14 +227,16 @@ class Agenda:
             return
         ingress.collect()
         parked, self._parked = self._parked, []
+        late: list[Any] = []  # responses: as in rclpy after messages that came with them
         for mailbox in (*parked, *ingress.take_ready(self.queue)):
             node: Any = self._nodes.get(mailbox.owner)
             if node is None or not mailbox.pending or mailbox.busy:
                 ingress.requeue(mailbox)
                 continue
             work = MailWork(mailbox, mailbox.group, node)
-            if not self._choose(work, found, waits):
+            if not self._choose(work, late if isinstance(mailbox, InboxMail) else found, waits):
                 self._parked.append(mailbox)
+        found.extend(late)
 
     # -- the end ---------------------------------------------------------------------------------------------------
 

@@ -59,9 +59,9 @@ def test_a_native_client_of_a_server_of_the_face(in_background: Spun, peer: meta
         done.set()
 
     goal = client.send_goal(Fibonacci.Goal(order=5), feedback=on_feedback).wait()
+    assert done.wait(WAIT_S)  # who has the result hears no more feedback
     end = goal.result().wait()
     assert (end.status, list(end.result.sequence)) == (GoalState.SUCCEEDED, [1, 5])
-    assert done.wait(WAIT_S)
     assert heard == [[1]]
     running.clear()
     goal = client.send_goal(Fibonacci.Goal(order=0)).wait()
