@@ -12,13 +12,15 @@ import pytest
 from metaros.ros2.rclpy.action.goal_handle import GoalEvent, ServerGoalHandle
 from metaros.ros2.rclpy.action.responses import CancelResponse, GoalResponse
 from metaros.ros2.rclpy.action.server import ActionServer
+from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.rcl_errors import RCLError
 from metaros.ros2.rclpy.core.service_introspection import ServiceIntrospectionState
 from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
+from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 from metaros.ros2.rclpy.execution.task import Future
 from metaros.ros2.rclpy.qos.profile import QoSProfile, qos_profile_system_default
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.action.conftest import Spun
+from tests.metaros.ros2.action.conftest import WAIT_S, Spun
 
 STATUS = interface("action_msgs/msg/GoalStatus")
 CANCEL = interface("action_msgs/srv/CancelGoal")
@@ -142,6 +144,22 @@ def test_a_goal_from_its_request_to_its_result(fibonacci: Any, client: PlainClie
     client.spun.while_not(lambda: client.feedback and client.status.get(bytes(goal_id.uuid)) == 4)
     assert client.feedback == [[1, 1]]
     assert client.result(new_id()) == (STATUS.STATUS_UNKNOWN, [])
+
+
+def test_on_one_thread_what_an_execute_callback_tells_is_heard_before_the_answer_to_its_goal(
+    rclpy_context: Context, fibonacci: Any, spun: Spun, client: PlainClient, serve: Serve
+) -> None:
+    def execute(goal_handle: ServerGoalHandle) -> Any:
+        goal_handle.publish_feedback(fibonacci.Feedback(sequence=[goal_handle.request.order]))
+        goal_handle.succeed()
+        return fibonacci.Result()
+
+    serve(execute)
+    with SingleThreadedExecutor(context=rclpy_context) as executor:
+        executor.add_node(spun.node)
+        for order in range(10):
+            executor.spin_until_future_complete(client.ask(order)[1], WAIT_S)
+            assert client.feedback[order:] == [[order]]
 
 
 def test_goals_that_are_not_accepted(client: PlainClient, serve: Serve, capfd: pytest.CaptureFixture[str]) -> None:
