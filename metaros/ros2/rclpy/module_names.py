@@ -25,6 +25,7 @@ HOMES: Final[dict[str, str]] = {
     "executors": "execution.executors",
     "expand_topic_name": "names.expand_topic_name",
     "experimental": "execution.experimental",
+    "experimental.events_executor": "execution.experimental",
     "guard_condition": "execution.guard_condition",
     "handle": "core.handle",
     "impl.implementation_singleton": "core.implementation_singleton",
