@@ -8,12 +8,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from metaros.errors import ConfigError
 from metaros.ros2.programs.run import Program
 
 __all__ = ["Executable", "executables", "find_program"]
+
+# Executables of ROS 2's own packages that launch files count on, for where that package is not installed.
+OWN: Final = {
+    ("tf2_ros", "static_transform_publisher"): "metaros.ros2.tf2_ros.static_transform_publisher:main",
+}
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -76,6 +81,8 @@ def executables(
             if path.is_file() and os.access(path, os.X_OK) and (prefix / "share" / path.parent.name).is_dir():
                 yield Executable(path.parent.name, path.name, str(prefix))
     yield from _of_distributions()
+    for package_name, name in OWN:
+        yield Executable(package_name, name, "metaros")
 
 
 def _of_distributions() -> Iterator[Executable]:
@@ -101,8 +108,14 @@ def _of_package(
         _of_sources(package, name, package_path)
         or _of_prefixes(package, name, environ)
         or _of_distribution(package, name)
+        or _own(package, name)
         or _of_sources(package, name, (folder,))
     )
+
+
+def _own(package: str, name: str) -> Program | None:
+    function = OWN.get((package, name))
+    return None if function is None else Program(argv0=name, function=function)
 
 
 def _of_sources(package: str, name: str, roots: Sequence[Path]) -> Program | None:

@@ -72,7 +72,8 @@ def test_an_executable_of_a_package_that_nobody_has_built(folder: Path) -> None:
     done = call_metaros("ros2", "run", "--package-path", str(folder / "ws"), "my_robot", "go", "--ros-args")
     assert done == (3, "['go', '--ros-args']\n", "")
     assert call_metaros("ros2", "run", "my_robot", "idle", folder=folder) == (0, "", "")
-    assert call_metaros("ros2", "list", folder=folder).out == "my_robot go\nmy_robot idle\n"
+    own = "tf2_ros static_transform_publisher\n"
+    assert call_metaros("ros2", "list", folder=folder).out == f"my_robot go\nmy_robot idle\n{own}"
     rows = json.loads(call_metaros("ros2", "list", "my_robot", "-o", "json", folder=folder).out)
     assert [row["executable"] for row in rows] == ["go", "idle"]
     assert call_metaros("ros2", "list", "your_robot", folder=folder).code == 2
@@ -94,3 +95,26 @@ def test_by_python_and_ctrl_c(folder: Path) -> None:
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=END_S) == ("", "")
     assert process.returncode == 130
+
+
+def test_a_launch_file_its_arguments_and_what_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "hello.launch.py"
+    file.write_text(
+        "from launch import LaunchDescription\n"
+        "from launch.actions import DeclareLaunchArgument, LogInfo\n"
+        "from launch.substitutions import LaunchConfiguration\n"
+        "def generate_launch_description():\n"
+        "    who = DeclareLaunchArgument('who', default_value='world', description='whom to greet')\n"
+        "    return LaunchDescription([who, LogInfo(msg=['hello ', LaunchConfiguration('who')])])\n"
+    )
+    done = call_metaros("ros2", "launch", str(file), "who:=you")
+    assert (done.code, done.out) == (0, "[INFO] [launch.user]: hello you\n")
+    shown = call_metaros("ros2", "launch", "-s", str(file))
+    assert shown.out == "who:\n    whom to greet\n    default: 'world'\n"
+    for words, expected in {
+        ("no.launch.py",): "no launch file",
+        ("no_package", "a.launch.py"): "no_package",
+        ("a", "b", "c"): "PACKAGE and its FILE",
+    }.items():
+        done = call_metaros("ros2", "launch", *words)
+        assert (done.code, expected in done.err) == (2, True), done

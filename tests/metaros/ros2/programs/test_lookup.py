@@ -87,4 +87,5 @@ def test_all_executables(workspace: Path, prefix: Path, monkeypatch: pytest.Monk
         ("other", "two"),
         ("tools", "spin.py"),
         ("tools", "turn"),
+        ("tf2_ros", "static_transform_publisher"),
     }
