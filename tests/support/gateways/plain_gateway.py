@@ -104,7 +104,21 @@ def own_processes() -> list[int]:
 
 
 async def main(folder: Path, levels: Sequence[Level]) -> None:
-    print(json.dumps({level.name: await attacked(level, folder / level.name) for level in levels}))
+    try:
+        print(json.dumps({level.name: await attacked(level, folder / level.name) for level in levels}))
+    except PermissionError as error:  # seen once, and never explained: which folder on the way was closed, and to whom
+        print(Path("/proc/self/mountinfo").read_text(), *_way(Path(str(error.filename))), sep="\n", file=sys.stderr)
+        raise
+
+
+def _way(path: Path) -> list[str]:
+    """Who owns each folder above it, and what others may do there."""
+    lines = []
+    for part in reversed(path.parents):
+        with suppress(OSError):
+            found = part.stat()
+            lines.append(f"{found.st_mode:o} {found.st_uid} {part}")
+    return lines
 
 
 if __name__ == "__main__":
