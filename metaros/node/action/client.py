@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import uuid
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -24,6 +25,7 @@ from metaros.wire import QoSProfile, qos_default, qos_services, qos_transient_lo
 __all__ = ["ActionClient"]
 
 _log = logging.getLogger("metaros.node")
+_ENDED: Final = 32  # goals whose feedback is still heard after their result
 _SERVICES: Final = ("send_goal", "cancel_goal", "get_result")
 
 
@@ -48,6 +50,7 @@ class ActionClient:
         self._types = types = ActionTypes(action)
         self._lock = threading.Lock()
         self._followed: dict[bytes, _Followed] = {}
+        self._ended: deque[bytes] = deque(maxlen=_ENDED)  # of those, with a result
         clients = []
         for part in _SERVICES:
             service = getattr(types, part)
@@ -144,7 +147,7 @@ class ActionClient:
             if status not in TERMINAL:
                 raise self._unknown(goal)
             goal.learn(status)
-            self._forget(goal.goal_id)
+            self._forget_soon(goal.goal_id)
             return ActionResult(status, response.result)
 
         request = self._types.get_result.Request(goal_id=self._types.goal_id(goal.goal_id))
@@ -179,6 +182,13 @@ class ActionClient:
             if len(self._followed) >= LIMITS.action_goals:  # ends that nobody heard of: the node does not spin
                 del self._followed[next(iter(self._followed))]
             self._followed[goal_id] = _Followed(feedback)
+
+    def _forget_soon(self, goal_id: bytes) -> None:
+        """When some more have ended: a result may overtake the last feedback, which is to be heard all the same."""
+        with self._lock:
+            if len(self._ended) == self._ended.maxlen:
+                self._followed.pop(self._ended[0], None)
+            self._ended.append(goal_id)
 
     def _forget(self, goal_id: bytes) -> None:
         with self._lock:

@@ -107,13 +107,13 @@ async def main(folder: Path, levels: Sequence[Level]) -> None:
     try:
         print(json.dumps({level.name: await attacked(level, folder / level.name) for level in levels}))
     except PermissionError as error:  # seen once, and never explained: which folder on the way was closed, and to whom
-        print(Path("/proc/self/mountinfo").read_text(), *_way(Path(str(error.filename))), sep="\n", file=sys.stderr)
+        print(*_way(Path(str(error.filename))), sep="\n", file=sys.stderr)
         raise
 
 
 def _way(path: Path) -> list[str]:
     """Who owns each folder above it, and what others may do there."""
-    lines = []
+    lines = [Path("/proc/self/mountinfo").read_text()]
     for part in reversed(path.parents):
         with suppress(OSError):
             found = part.stat()

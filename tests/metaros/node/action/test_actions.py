@@ -86,6 +86,23 @@ def summary(goal: ClientGoal) -> tuple[GoalState, list[int]]:
     return status, result.sequence.tolist()
 
 
+def test_feedback_is_heard_that_a_result_has_overtaken(here, there) -> None:
+    with metaros.Node("server", context=here) as server, metaros.Node("client", context=there) as node:
+        server.create_action_server(Fibonacci, "overtaken", fibonacci)
+        client = node.create_action_client(Fibonacci, "overtaken")
+        seen: list[int] = []
+        with spinning(server):
+            assert client.wait_for_server(60)
+            for _ in range(40):  # the first sample of a young link may get lost; forty goals, more than are remembered
+                goal = client.send_goal(Fibonacci.Goal(order=2), feedback=lambda f: seen.append(len(f.sequence))).wait()
+                assert goal.result().wait().status is GoalState.SUCCEEDED
+            assert not seen  # the client's node has not spun
+        with spinning(node):
+            wait_until(lambda: seen)
+        assert set(seen) == {3}
+        assert len(client._followed) <= 33
+
+
 @pytest.mark.parametrize("execute", [fibonacci, fibonacci_async])
 def test_a_goal_gives_feedback_and_a_result(serve, execute):
     _, client = serve(execute)
