@@ -76,8 +76,7 @@ def pub(
         connect(zenoh_port, domain) as context,
         Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node,
     ):
-        if kind is None:
-            kind = _as_told(node, name, full)
+        kind = _as_told(node, name, full) if kind is None else kind
         message = _message(kind, values) if message is None else message
         publisher = node.create_publisher(kind, name, 10)
         needed = wait if wait is not None else int(once or times > 0)
