@@ -7,12 +7,14 @@ the robot by themselves. What the gateway adds is the lease, and a zero command 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from gateway.domain.fleet.lease import Lease, LeaseTable
 from gateway.errors import InvalidRequestError, RobotError
 from gateway.fleet.command_dispatcher import CommandDispatcher
 from gateway.fleet.lease_manager import HeldLease, LeaseManager
 from gateway.fleet.robots import FindRobot, RobotView, SendFrame
+from gateway.fleet.ros.graph import RobotGraph
 from gateway.fleet.ros.types import TypeRegistry
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -33,6 +35,11 @@ class TeleopManager(LeaseManager):
     ) -> None:
         super().__init__(find, commands, leases, send, clock=clock)
         self._types = TypeRegistry()
+        self._graph_of: Callable[[str], RobotGraph] = lambda robot_id: RobotGraph(robot=robot_id)
+
+    def use_graphs(self, graph_of: Callable[[str], RobotGraph]) -> None:
+        """Where robots' subscriptions are told, with their types."""
+        self._graph_of = graph_of
 
     async def drive(self, drive: HeldLease, *, linear: float, angular: float, sent_ns: int = 0) -> Lease:
         """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again.
@@ -70,9 +77,15 @@ class TeleopManager(LeaseManager):
 
     def _message(self, view: RobotView, topic: str, linear: float, angular: float) -> tuple[str, dict[str, object]]:
         twist: dict[str, object] = {"linear": {"x": linear}, "angular": {"z": angular}}
-        channel = view.channel_of(topic)
-        if channel is None or channel.schema_name != TWIST_STAMPED:
+        if not self._wants_stamps(view, topic):
             return TWIST, twist
         sec, nanosec = divmod(self._clock.wall_ns(), 1_000_000_000)
         header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "base_link"}
         return TWIST_STAMPED, {"header": header, "twist": twist}
+
+    def _wants_stamps(self, view: RobotView, topic: str) -> bool:
+        """Whether the topic carries TwistStamped: by who publishes it, else by what alone its subscriptions hear."""
+        channel = view.channel_of(topic)
+        if channel is not None:
+            return channel.schema_name == TWIST_STAMPED
+        return {end.type_name for end in self._graph_of(view.robot.id).subscribers.get(topic, ())} == {TWIST_STAMPED}

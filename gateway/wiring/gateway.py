@@ -158,6 +158,7 @@ class Gateway:
             actuator_topics=self.settings.actuator_topics,
         )
         self.ros = RosFeature(self.registry.get, self.commands, self.fleet, self._send, clock=self.clock)
+        self.teleop.use_graphs(self.ros.graphs.of)
         self.command_manager = CommandManager(
             self.store,
             self.commands,

@@ -23,9 +23,10 @@ from gateway.errors import (
 )
 from gateway.fleet.command_dispatcher import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDispatcher
 from gateway.fleet.manager import MAX_TIMEOUT_S, FleetManager
+from gateway.fleet.ros.graph import Endpoint, RobotGraph
 from gateway.fleet.ros.typed import is_large
 from gateway.fleet.ros.types import TypeRegistry, full_type_name
-from gateway.fleet.teleop import TWIST_STAMPED, TeleopManager
+from gateway.fleet.teleop import TWIST, TWIST_STAMPED, TeleopManager
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -226,6 +227,18 @@ async def test_a_stamped_topic_gets_stamped_commands() -> None:
     message = codec(TWIST_STAMPED).decode(frame.payload)
     assert (frame.type_name, message.twist.linear.x) == (TWIST_STAMPED, 0.5)
     assert message.header.stamp.sec == clock.wall_ns() // 10**9
+
+
+async def test_what_the_subscriptions_hear_decides_where_nobody_publishes() -> None:
+    def hearing(*types: str) -> RobotGraph:
+        ends = tuple(Endpoint("/controller", name, type_hash(name), "") for name in types)
+        return RobotGraph(robot="r1", subscribers={"/r1/cmd_vel": ends})
+
+    for types, sent in (((TWIST_STAMPED,), TWIST_STAMPED), ((TWIST,), TWIST), ((TWIST, TWIST_STAMPED), TWIST)):
+        bot, _, teleop, _ = rig()
+        teleop.use_graphs(lambda robot_id, types=types: hearing(*types))
+        await teleop.drive(await teleop.take("r1", "ann"), linear=0.5, angular=0.0)
+        assert bot.frames[-1].teleop.type_name == sent, types
 
 
 async def test_a_refused_grant_leaves_the_robot_free() -> None:
