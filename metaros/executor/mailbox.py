@@ -59,6 +59,17 @@ class Mailbox:
         self.size_of = size_of
         self._weigh_at = _FEW
 
+    def like(self) -> Mailbox:
+        """An empty one with the same bounds and handler."""
+        return Mailbox(
+            self.handle,
+            owner=self.owner,
+            depth=self.depth,
+            limit_bytes=self.limit_bytes,
+            size_of=self.size_of,
+            group=self.group,
+        )
+
     def trim(self) -> None:
         """Drop the oldest items until the rest fits the bounds. Call after appending to `pending`.
 

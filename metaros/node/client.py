@@ -6,7 +6,7 @@ import itertools
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeGuard, TypeVar
 
 import zenoh
 
@@ -17,7 +17,7 @@ from metaros.node.call_futures import CallFuture, CallFutures
 from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint, as_qos
 from metaros.node.pending_call import FOREVER_S, GRACE_S, PendingCall, Reply
-from metaros.wire import QoSProfile, pack_attachment, qos_services
+from metaros.wire import DataKey, QoSProfile, pack_attachment, qos_services
 from metaros.wire.graph import Token
 from metaros.wire.liveliness_tokens import EndpointToken
 
@@ -34,16 +34,19 @@ class RawClient(Endpoint):
     def __init__(self, node: NodeCore, service: str, type_name: str, type_hash: str, qos: QoSProfile) -> None:
         super().__init__(node, "SC", service, type_name, type_hash, qos)
         self._next_seq = itertools.count(1).__next__
-        self._expression = zenoh.KeyExpr(self.key)
+        self._expressions = {self.token.type_hash: zenoh.KeyExpr(self.key)}
+        if self.twin_hash:
+            twin = DataKey(node.context.domain_id, self.topic, type_name, self.twin_hash)
+            self._expressions[self.twin_hash] = zenoh.KeyExpr(str(twin))
         self._lock = threading.Lock()
         self._calls: set[PendingCall] = set()
-        self._servers: set[str] = set()  # tokens; kept here so that no call has to search the graph
+        self._servers: dict[str, str] = {}  # tokens and their hashes: so that no call has to search the graph
         self._replies = CallFutures(self.topic)
         self.on_close(self._replies.close)
         self.on_close(self._abandon)
         self.on_close(node.graph.on_token(self._on_token))
         with self._lock:
-            self._servers.update(str(token) for token in node.graph.tokens() if self._serves(token))
+            self._servers.update((str(token), token.type_hash) for token in node.graph.tokens() if self._serves(token))
         self.announce()
 
     # -- who serves ------------------------------------------------------------------------------------------------
@@ -51,7 +54,7 @@ class RawClient(Endpoint):
     def service_is_ready(self) -> bool:
         """Whether a server of this name, type and hash is in the graph."""
         return any(
-            (server.type_name, server.type_hash) == (self.type_name, self.type_hash)
+            server.type_name == self.type_name and server.type_hash in self._expressions
             for server in self.node.graph.endpoints(self.topic, "SS")
         )
 
@@ -59,13 +62,17 @@ class RawClient(Endpoint):
         """Wait until a server is there; False when none is in time."""
         return self.node.graph.wait_for(self.service_is_ready, timeout_s)
 
-    def _serves(self, token: Token) -> bool:
-        return isinstance(token, EndpointToken) and (token.kind, token.topic, token.type_name, token.type_hash) == (
-            "SS",
-            self.topic,
-            self.type_name,
-            self.type_hash,
+    def _serves(self, token: Token) -> TypeGuard[EndpointToken]:
+        return (
+            isinstance(token, EndpointToken)
+            and (token.kind, token.topic, token.type_name) == ("SS", self.topic, self.type_name)
+            and token.type_hash in self._expressions
         )
+
+    def _expression(self) -> zenoh.KeyExpr:
+        """The key of our own kind of servers, unless all are of the other kind: Humble's, or those that are not."""
+        own, hashes = self.token.type_hash, set(self._servers.values())
+        return self._expressions[own if own in hashes or not hashes else hashes.pop()]
 
     def _on_token(self, token: Token, alive: bool) -> None:
         """A server came or went; with the last one every call in flight ends."""
@@ -73,9 +80,9 @@ class RawClient(Endpoint):
             return
         with self._lock:
             if alive:
-                self._servers.add(str(token))
+                self._servers[str(token)] = token.type_hash
                 return
-            self._servers.discard(str(token))
+            self._servers.pop(str(token), None)
             lost = [] if self._servers else list(self._calls)
         for call in lost:
             call.fail(call.lost(f"the server of {self.topic} went away before it answered"))
@@ -170,7 +177,7 @@ class RawClient(Endpoint):
         call.when_finished(lambda: self._calls.discard(call))
         try:
             return self.node.context.session.check_open().get(
-                self._expression,
+                self._expression(),
                 handler,
                 target=zenoh.QueryTarget.ALL_COMPLETE,
                 consolidation=zenoh.ConsolidationMode.NONE,

@@ -30,8 +30,9 @@ class Context:
 
     `domain_id` defaults to `ROS_DOMAIN_ID` or 0; `connect` to the router on this host, `tcp/localhost:7447` or the
     port in `METAROS_ZENOH_PORT`; `listen` to any free port of this host; `shared_memory` to `METAROS_SHARED_MEMORY` or
-    "off". With "auto" large messages to processes of this host that have it, too, go through shared memory. `environ`
-    stands in for the process's environment.
+    "off". With "auto" large messages to processes of this host that have it, too, go through shared memory.
+    `ros_distro` says whose peers the program's nodes are, and defaults to `METAROS_ROS_DISTRO` or "jazzy": those of
+    "humble" write no type hashes. Either kind hears the other. `environ` stands in for the process's environment.
     """
 
     def __init__(
@@ -42,16 +43,22 @@ class Context:
         clock: Clock | None = None,
         *,
         shared_memory: str | None = None,
+        ros_distro: str | None = None,
         environ: Mapping[str, str] | None = None,
     ) -> None:
         self.clock: Clock = SystemClock() if clock is None else clock
         self.session = WireSession(
-            domain_id=domain_id, connect=connect, listen=listen, environ=environ, shared_memory=shared_memory
+            domain_id=domain_id,
+            connect=connect,
+            listen=listen,
+            environ=environ,
+            shared_memory=shared_memory,
+            ros_distro=ros_distro,
         )
         self.graph = Graph(self.session)
         self.ingress = Ingress()
         self.key_subscribers = KeySubscribers(self.session, self.ingress)
-        self.watch = Watch(self.graph)
+        self.watch = Watch(self.graph, self.session.zid)
         self.drops = DropStatistics(self.session, self.ingress)
         self.sporadic = SporadicHeartbeats()
         self._nodes: list[Closable] = []

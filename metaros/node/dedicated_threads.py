@@ -6,7 +6,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import zenoh
 
@@ -14,6 +14,7 @@ from metaros.executor import Ingress, Mailbox
 
 __all__ = ["ChannelThread", "RingThread", "feed", "handle_each"]
 
+T = TypeVar("T")
 _CHANNEL: Final = 1024  # samples
 _PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
 _AHEAD: Final = 512  # samples that a thread passes on before the executor must have handled half of them
@@ -41,6 +42,10 @@ class RingThread:
         self._thread = threading.Thread(target=self._run, args=(subscriber.handler,), name=self._name, daemon=True)
         self._thread.start()
 
+    def take_turns(self, turn: threading.Lock) -> None:
+        """From the next sample on handle none while another thread that takes turns does."""
+        self._handle = _in_turn(self._handle, turn)
+
     def stop(self) -> None:
         """End the thread; the subscriber must be undeclared before."""
         self._stopped = True
@@ -48,12 +53,12 @@ class RingThread:
             self._thread.join()
 
     def _run(self, ring: Any) -> None:
-        receive, try_receive, handle = ring.recv, ring.try_recv, self._handle
+        receive, try_receive = ring.recv, ring.try_recv
         while not self._stopped:
             try:
                 sample = receive()
                 while sample is not None and not self._stopped:
-                    handle(sample)
+                    self._handle(sample)
                     sample = try_receive()
             except zenoh.ZError:  # undeclared
                 return
@@ -85,6 +90,10 @@ class ChannelThread:
             self._threads.append(thread)
             thread.start()
 
+    def take_turns(self, turn: threading.Lock) -> None:
+        """From the next batch on handle none while another thread that takes turns does."""
+        self._handle = _in_turn(self._handle, turn)
+
     def stop(self) -> None:
         """End both threads; the subscriber must be undeclared before."""
         self._stopped.set()
@@ -93,7 +102,7 @@ class ChannelThread:
                 thread.join()
 
     def _run(self, channel: Any) -> None:
-        receive, handle, stopped, pause = channel.recv, self._handle, self._stopped.is_set, threading.Event()
+        receive, stopped, pause = channel.recv, self._stopped.is_set, threading.Event()
         flood, limit = False, 1
         try:
             while not stopped():
@@ -109,7 +118,7 @@ class ChannelThread:
                     flood = len(batch) > _FLOOD
                 self._handled += 1
                 began_s = time.monotonic()
-                handle(batch)
+                self._handle(batch)
                 quick = time.monotonic() - began_s < _BATCH_S
                 limit = min(limit * 2, _BATCH) if quick else max(limit // 2, 1)
         except zenoh.ZError:  # undeclared
@@ -148,6 +157,14 @@ class ChannelThread:
                 self._backlog.pending.append(sample)
             self._backlog.trim()
             return True
+
+
+def _in_turn(handle: Callable[[T], object], turn: threading.Lock) -> Callable[[T], None]:
+    def handle_in_turn(item: T) -> None:
+        with turn:
+            handle(item)
+
+    return handle_in_turn
 
 
 def handle_each(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh.Sample]], None]:

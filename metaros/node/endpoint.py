@@ -12,8 +12,10 @@ import zenoh
 from metaros.errors import ClosedError
 from metaros.node.core import NodeCore
 from metaros.node.events.endpoint_monitor import EndpointMonitor
+from metaros.node.mixed.twin_key import TwinKey, other_hash
 from metaros.wire import DataKey, EndpointToken, QoSProfile
 from metaros.wire.liveliness_tokens import EndpointKind
+from metaros.wire.names import NO_HASH
 
 __all__ = ["Endpoint", "as_qos"]
 
@@ -39,8 +41,11 @@ class Endpoint:
         self.closed = False
         session = node.context.session
         session.check_open()
-        self.key = str(DataKey(session.domain, self.topic, type_name, type_hash))
-        self.token = EndpointToken(node.token, session.next_id(), kind, self.topic, type_name, type_hash, qos.encode())
+        declared = type_hash if session.writes_hashes else NO_HASH
+        self.twin_hash = other_hash(type_name, type_hash, declared)
+        self.twin: TwinKey | None = None
+        self.key = str(DataKey(session.domain, self.topic, type_name, declared))
+        self.token = EndpointToken(node.token, session.next_id(), kind, self.topic, type_name, declared, qos.encode())
         self.gid = self.token.gid
         self.events: EndpointMonitor = EndpointMonitor(node, self.token, warn_once=self.warn_once)
         self._closers: list[Callable[[], object]] = []
@@ -68,11 +73,31 @@ class Endpoint:
         self.on_close(events.close)
         watch.add(self.topic, events)
         self.on_close(lambda: watch.discard(self.topic, events))
+        if (twin := self.twin) is not None:
+            self.on_close(twin.close)
+            watch.add(self.topic, twin)
+            self.on_close(lambda: watch.discard(self.topic, twin))
         try:
             self.node.adopt(self)
         except ClosedError:  # the node ended before or meanwhile: nobody else would take the endpoint back
             self.close()
             raise
+
+    def speak_both(
+        self,
+        open_twin: Callable[[str], None],
+        *,
+        present: Callable[[bool], None] | None = None,
+        with_the_first: bool = False,
+    ) -> None:
+        """From `announce` on use a second key while peers of another distribution are there, see `TwinKey`.
+
+        `with_the_first`: as soon as one is there at all, so that who comes to this name does not have to wait for us.
+        """
+        if self.twin_hash:
+            self.twin = twin = TwinKey(self.token, self.twin_hash, open_twin=open_twin, present=present)
+            if with_the_first:
+                self.on_close(self.node.context.watch.when(twin.open, hashes=self.twin_hash != NO_HASH))
 
     def close(self) -> None:
         """Leave the graph and stop. Safe to call twice."""

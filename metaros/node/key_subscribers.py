@@ -44,7 +44,7 @@ class KeySubscribers:
 
 
 def declare_with_history(
-    session: zenoh.Session, key: str, qos: QoSProfile, handler: Any
+    session: zenoh.Session, key: str, qos: QoSProfile, handler: Any, *, remote_only: bool = False
 ) -> zenoh.ext.AdvancedSubscriber[Any]:
     """A subscriber that also gets what transient_local publishers keep, set up as rmw_zenoh does."""
     recovery = zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
@@ -52,6 +52,7 @@ def declare_with_history(
         session,
         key,
         handler,
+        allowed_origin=zenoh.Locality.REMOTE if remote_only else zenoh.Locality.ANY,
         history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
         recovery=recovery if qos.reliability is not Reliability.BEST_EFFORT else None,
         subscriber_detection=True,

@@ -19,6 +19,7 @@ from metaros.node.core import NodeCore
 from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.events.publisher_monitor import PublisherMonitor
+from metaros.node.mixed.publisher_twin import PublisherTwin, Put, both
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 from metaros.wire.shm import SharedPool
@@ -64,15 +65,25 @@ class RawPublisher(Endpoint):
         monitors = [] if self.events.sent is None else [self.events.sent]
         if isinstance(publisher, zenoh.ext.AdvancedPublisher) and _reliable(qos):
             monitors.append(self._start_sporadic_heartbeat(publisher))
-        place = _sized(self.topic, None if qos.durability is Durability.TRANSIENT_LOCAL else session.shared_pool)
-        publish, retire = _publish(
+        latched = qos.durability is Durability.TRANSIENT_LOCAL
+        place = _sized(self.topic, None if latched else session.shared_pool)
+        publish, retire, also = _publish(
             self, node.context.clock, publisher.put, message_type=message_type, encode=encode, place=place
         )
         for sent in monitors:
             publish = _and_note(publish, sent)
         self.publish = publish
         self.on_close(retire)
+        twin = PublisherTwin(
+            session.zenoh, self.key, declare=self._declare_twin, also=also, depth=qos.depth if latched else 0
+        )
+        self.speak_both(twin.open, present=twin.present, with_the_first=latched)
         self.announce()
+
+    def _declare_twin(self, key: str) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
+        publisher = _declare(self.node.context.session.check_open(), key, self.qos)
+        self._closers.insert(0, lambda: _undeclare(publisher))  # last: `retire` comes before
+        return publisher
 
     def _start_sporadic_heartbeat(self, publisher: zenoh.ext.AdvancedPublisher) -> Callable[[], None]:
         """Sporadic heartbeats for as long as it is open; what to call after each sample."""
@@ -173,11 +184,13 @@ def _publish(
     message_type: type[Any] | None,
     encode: Callable[[Any], bytes],
     place: Callable[[bytes], Any],
-) -> tuple[Publish, Callable[[], None]]:
+) -> tuple[Publish, Callable[[], None], Callable[[Put | None], None]]:
     """The hot path: one class check, one encode, one pack, one put; no lock, no attribute look-up.
 
     The second function ends it: publishing goes on raising ClosedError, so that `undeclare` finds the publisher idle.
+    The third gives the put of a second publisher, or takes it back.
     """
+    alone = put
     next_seq, pack, now_ns, large = itertools.count(1).__next__, NEW.pack, clock.wall_ns, _LARGE
     gid, topic, type_name = endpoint.gid, endpoint.topic, endpoint.type_name
 
@@ -202,10 +215,14 @@ def _publish(
             raise ClosedError(f"publish on {topic}: {error}") from None
 
     def retire() -> None:
+        nonlocal put, alone
+        put = alone = refuse
+
+    def also(other: Put | None) -> None:
         nonlocal put
-        put = refuse
+        put = alone if other is None or alone is refuse else both(alone, other)
 
     def refuse(*_: object, **__: object) -> None:
         raise ClosedError(f"publish on {topic}: the publisher was closed")
 
-    return publish, retire
+    return publish, retire, also

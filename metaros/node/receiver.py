@@ -26,8 +26,9 @@ class Receiver:
     """Checks, decodes and hands over samples; counts what was lost on the way and what could not be read.
 
     `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through
-    `report(about, text)`, the callback's own exceptions are logged, unless `raises` lets them through. `dropped()` is how many samples were pushed out
-    before they came here; a gap that they do not explain is reported to `on_lost(total, change, gid)`.
+    `report(about, text)`, the callback's own exceptions are logged, unless `raises` lets them through. `dropped()` is
+    how many samples were pushed out before they came here; a gap that they do not explain is reported to
+    `on_lost(total, change, gid)`.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Receiver:
     ) -> None:
         self.lost = 0
         self.malformed = 0
+        self.two_keys = False  # whether a publisher may be heard twice, on the twin key, too
         self._on_lost = on_lost
         self._dropped = dropped
         self._dropped_seen = 0  # of what the mailbox dropped: gaps that are explained
@@ -142,6 +144,8 @@ class Receiver:
         elif seq > expected:
             self._gap(seq - expected, gid)
         elif seq < expected:  # late or repeated: it was counted as lost, or seen before
+            if self.two_keys:
+                raise _HeardBeforeError
             return expected
         self._next[gid] = seq + 1
         return seq + 1
@@ -165,9 +169,15 @@ class Receiver:
         return False
 
     def _reject(self, gid: bytes, error: PeerError) -> None:
+        if isinstance(error, _HeardBeforeError):
+            return
         self.malformed += 1
         sender = f"publisher {gid.hex()}" if gid else "a publisher"
         self._report(f"{error.code} {gid.hex()}", f"{sender} sent what cannot be read: {error.code}: {error}")
+
+
+class _HeardBeforeError(PeerError):
+    """A sample that came by the other key, too: no fault of anybody's."""
 
 
 def _attachment(sample: zenoh.Sample) -> Attachment:

@@ -120,10 +120,15 @@ class Responder(Endpoint):
             group=group,
         )
         sink = zenoh.handlers.Callback(node.ingress.put_to(self._mailbox), indirect=False)
-        queryable = node.context.session.check_open().declare_queryable(self.key, sink, complete=True)
         self.on_close(self._drop_all)
         self.on_close(self._mailbox.clear)
-        self.on_close(queryable.undeclare)
+
+        def serve_on(key: str) -> None:
+            queryable = node.context.session.check_open().declare_queryable(key, sink, complete=True)
+            self.on_close(queryable.undeclare)
+
+        serve_on(self.key)
+        self.speak_both(serve_on, with_the_first=True)
         self.announce()
 
     @property
@@ -141,10 +146,10 @@ class Responder(Endpoint):
         self._waiting.pop(waiting.key, None)
 
     def reply(self, query: zenoh.Query, call: Attachment, data: bytes) -> None:
-        """Reply on the declared key with the request's sequence number and GID, and the time of now."""
+        """Reply on the key that was asked, with the request's sequence number and GID, and the time of now."""
         with suppress(zenoh.ZError):  # the client or the session is gone
             query.reply(
-                self.key, data, attachment=pack_attachment(call.seq, self.node.context.clock.wall_ns(), call.gid)
+                query.key_expr, data, attachment=pack_attachment(call.seq, self.node.context.clock.wall_ns(), call.gid)
             )
         query.drop()  # type: ignore[no-untyped-call]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,8 @@ from metaros.node.events.callbacks import SubscriptionEvents
 from metaros.node.events.subscription_monitor import SubscriptionMonitor
 from metaros.node.info import takes
 from metaros.node.key_subscribers import declare_with_history
+from metaros.node.mixed.lanes import handle_accepted, run_accepted
+from metaros.node.mixed.twin_key import TwinKey
 from metaros.node.receiver import Receiver
 from metaros.wire import Durability, History, QoSProfile
 
@@ -97,9 +100,10 @@ class Subscription(Endpoint):
         if qos.history is History.KEEP_ALL:
             self._listen_to_all(dedicated=dedicated)
         elif dedicated:
-            self._start_lane(RingThread(self._receiver.handle, depth=qos.depth, name=f"metaros{self.topic}"))
+            self._listen_to_ring()
         else:
-            self._listen()
+            self._listen(self.key)
+            self.speak_both(self._listen, with_the_first=True)
         self.announce()
 
     @property
@@ -140,15 +144,26 @@ class Subscription(Endpoint):
     def _report_lost(self, total: int, change: int, gid: bytes) -> None:
         self.events.missing(total, change, gid)
 
-    def _listen(self) -> None:
+    def _listen(self, key: str) -> None:
         """Through the ingress to the executor."""
         context = self.node.context
-        if self.qos.durability is not Durability.TRANSIENT_LOCAL:
-            self.on_close(context.key_subscribers.listen(self.key, self._mailbox))
+        if self.qos.durability is not Durability.TRANSIENT_LOCAL and key == self.key:
+            self.on_close(context.key_subscribers.listen(key, self._mailbox))
             return
-        callback = zenoh.handlers.Callback(context.ingress.put_to(self._mailbox), indirect=False)
-        subscriber = declare_with_history(context.session.check_open(), self.key, self.qos, callback)
-        self.on_close(subscriber.undeclare)
+        sink = context.ingress.put_to(self._mailbox)
+        if self.twin is not None and key != self.key:
+            sink = self.twin.pass_on(sink)
+        self.on_close(self._declare(key, zenoh.handlers.Callback(sink, indirect=False)).undeclare)
+
+    def _listen_to_ring(self) -> None:
+        """Through Zenoh's ring with a thread of its own, which handles the samples."""
+        handle = self._receiver.handle
+
+        def make(twin: TwinKey | None) -> RingThread:
+            chosen = handle if twin is None else handle_accepted(twin, handle)
+            return RingThread(chosen, depth=self.qos.depth, name=f"metaros{self.topic}")
+
+        self._start_lanes(make)
 
     def _listen_to_all(self, *, dedicated: bool) -> None:
         """Through a channel with a thread of its own, which handles the samples or feeds the executor."""
@@ -167,14 +182,38 @@ class Subscription(Endpoint):
             self.mailboxes.append(executors)
             run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)
-        self._start_lane(ChannelThread(run, self._mailbox, name=f"metaros{self.topic}"))
 
-    def _start_lane(self, lane: ChannelThread | RingThread) -> None:
+        def make(twin: TwinKey | None) -> ChannelThread:
+            if twin is None:
+                return ChannelThread(run, self._mailbox, name=f"metaros{self.topic}")
+            return ChannelThread(run_accepted(twin, run), self._mailbox.like(), name=f"metaros{self.topic}")
+
+        self._start_lanes(make)
+
+    def _start_lanes(self, make: Callable[[TwinKey | None], ChannelThread | RingThread]) -> None:
+        """A lane, and a second one for the twin key: what they handle they handle one at a time."""
+        first = make(None)
+        self._start_lane(first, self.key)
+
+        def start_twin(key: str) -> None:
+            second, turn = make(self.twin), threading.Lock()
+            first.take_turns(turn)
+            second.take_turns(turn)
+            self._start_lane(second, key)
+
+        self.speak_both(start_twin, with_the_first=True)
+
+    def _declare(self, key: str, handler: Any) -> Any:
+        """On the twin key nothing of our own session is heard, which speaks on both."""
+        self._receiver.two_keys = key != self.key
         session = self.node.context.session.check_open()
         if self.qos.durability is Durability.TRANSIENT_LOCAL:
-            subscriber: Any = declare_with_history(session, self.key, self.qos, lane.handler)
-        else:
-            subscriber = session.declare_subscriber(self.key, lane.handler)
+            return declare_with_history(session, key, self.qos, handler, remote_only=key != self.key)
+        origin = zenoh.Locality.ANY if key == self.key else zenoh.Locality.REMOTE
+        return session.declare_subscriber(key, handler, allowed_origin=origin)
+
+    def _start_lane(self, lane: ChannelThread | RingThread, key: str) -> None:
+        subscriber = self._declare(key, lane.handler)
         lane.start(subscriber)
         self.on_close(lane.stop)
         self.on_close(subscriber.undeclare)

@@ -149,6 +149,7 @@ class Graph:
         self._changed = threading.Condition()
         self._listeners: list[Callable[[], None]] = []
         self._token_listeners: list[TokenListener] = []
+        self._telling: list[int] = []  # threads that tell them of what the state has already
         self._queue: SimpleQueue[zenoh.Sample | zenoh.Reply | threading.Event | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="metaros-graph", daemon=True)
         self._thread.start()
@@ -207,11 +208,14 @@ class Graph:
                     events.append((token, alive))
             if not events:
                 return
-            self._changed.notify_all()
+            self._telling.append(threading.get_ident())
             listeners, token_listeners = list(self._listeners), list(self._token_listeners)
         for token, alive in events:
             for token_listener in token_listeners:
                 _guarded(lambda call=token_listener, t=token, a=alive: call(t, a))  # type: ignore[misc]
+        with self._changed:
+            self._telling.remove(threading.get_ident())
+            self._changed.notify_all()
         for listener in listeners:
             _guarded(listener)
 
@@ -282,9 +286,16 @@ class Graph:
         return lambda: self._forget(self._token_listeners, callback)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until `condition()`, looked at after every change, is true; False when it is not in time."""
+        """Wait until `condition()`, looked at after every change, is true; False when it is not in time.
+
+        The listeners of tokens have been told by then: who waits for a peer finds what they opened for it.
+        """
+        own = threading.get_ident()
         with self._changed:
-            return self._changed.wait_for(condition, timeout_s)
+            told = self._changed.wait_for(
+                lambda: all(thread == own for thread in self._telling) and condition(), timeout_s
+            )
+            return told or condition()
 
     def _forget(self, listeners: list[Callable[..., None]], callback: Callable[..., None]) -> None:
         with self._changed:

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from metaros.errors import TypeHashError
 from metaros.wire.liveliness_tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
+from metaros.wire.names import NO_HASH
 from metaros.wire.qos import Durability, QoSProfile, Reliability, incompatibilities
 
 __all__ = ["Mismatch", "is_counterpart", "mismatch", "reading_qos"]
@@ -39,7 +40,7 @@ def mismatch(own: EndpointToken, peer: EndpointToken) -> Mismatch | None:
     where = f"{own.topic}: {_who(own)} and {_who(peer)}"
     if own.type_name != peer.type_name:
         return Mismatch("type_mismatch", f"{where}: type {own.type_name} here, {peer.type_name} there", True)
-    if own.type_hash != peer.type_hash:
+    if own.type_hash != peer.type_hash and NO_HASH not in (own.type_hash, peer.type_hash):  # Humble writes none
         hashes = f"{own.type_hash} here, {peer.type_hash} there"
         return Mismatch(TypeHashError.code, f"{where}: two definitions of {own.type_name}: {hashes}", True)
     if own.kind in ("MP", "MS"):

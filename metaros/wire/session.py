@@ -1,9 +1,9 @@
 """One Zenoh session set up as rmw_zenoh sets up its own: a peer that finds others through the router.
 
 Environment, under ROS's own names: `ROS_DOMAIN_ID`, `ZENOH_SESSION_CONFIG_URI` (a file), `ZENOH_CONFIG_OVERRIDE`
-(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`, `METAROS_SHARED_MEMORY`. What a program passes
-wins over the environment. Zenoh's threads are one receive and one send worker for the whole process, unless
-`ZENOH_RUNTIME` says otherwise.
+(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`, `METAROS_SHARED_MEMORY`, `METAROS_ROS_DISTRO`.
+What a program passes wins over the environment. Zenoh's threads are one receive and one send worker for the whole
+process, unless `ZENOH_RUNTIME` says otherwise.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import zenoh
 from metaros.concurrency.waiting import pause
 from metaros.errors import ClosedError, ConfigError, NameError_
 from metaros.wire.allocator import keep_large_blocks
+from metaros.wire.distribution import writes_hashes
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool
 
@@ -153,10 +154,12 @@ class WireSession:
         listen: str | Sequence[str] | None = None,
         environ: Mapping[str, str] | None = None,
         shared_memory: str | None = None,
+        ros_distro: str | None = None,
     ) -> None:
         environ = os.environ if environ is None else environ
         self._environ = environ
         self.domain = parse_domain(str(domain_id)) if domain_id is not None else domain_from(environ)
+        self.writes_hashes = writes_hashes(ros_distro, environ)
         keep_large_blocks(environ)
         self.shared_pool = shared_pool(shared_memory, environ)
         config = session_config(

@@ -80,13 +80,18 @@ def pub(
         message = _message(kind, values) if message is None else message
         publisher = node.create_publisher(kind, name, 10)
         needed = wait if wait is not None else int(once or times > 0)
-        if needed and not context.graph.wait_for(lambda: _subscribers(context, name, full) >= needed, wait_timeout):
-            out.note(f"no subscriber on {name} within {wait_timeout:g} s: publishing all the same")
+        _wait_for_subscribers(context, name, full, needed, wait_timeout, out)
         _publish(publisher.publish, message, out, rate=rate, times=1 if once else times, quiet=quiet)
 
 
-def _subscribers(context: Context, topic: str, type_name: str) -> int:
-    return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS"))
+def _wait_for_subscribers(
+    context: Context, topic: str, type_name: str, needed: int, timeout_s: float, out: Output
+) -> None:
+    def enough() -> bool:
+        return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS")) >= needed
+
+    if needed and not context.graph.wait_for(enough, timeout_s):
+        out.note(f"no subscriber on {topic} within {timeout_s:g} s: publishing all the same")
 
 
 def _message(kind: type[Any], values: str) -> Any:

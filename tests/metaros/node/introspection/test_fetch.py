@@ -80,9 +80,9 @@ def test_topics_services_and_actions_are_used_by_name_alone(here, there, monkeyp
             client = node.create_action_client(reach, "/reach")
             assert client.wait_for_server(60.0)
             goal = client.send_goal(reach.Goal(path=[joint(), joint(name="end")]), feedback=fed.append, timeout_s=60.0)
-            result = goal.wait().result(60.0).wait()
-            assert result.result.error == 2.0
+            accepted = goal.wait()
             wait_until(lambda: [message.now.name for message in fed] == ["end"])
+            assert accepted.result(60.0).wait().result.error == 2.0
         wait_until(lambda: got)
         assert got[0].name == "elbow"
 
