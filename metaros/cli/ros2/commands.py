@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from metaros.cli.ros2.bridge import bridge
 from metaros.cli.ros2.launch import launch
 from metaros.cli.shared.options import Format, FormatOption
 
@@ -43,6 +44,7 @@ def run(
 
 
 group.command("launch")(launch)
+group.command("bridge")(bridge)
 
 
 @group.command("list")
