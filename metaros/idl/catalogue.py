@@ -10,7 +10,6 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from metaros.errors import ConfigError, DefinitionError, UnknownTypeError
@@ -36,7 +35,7 @@ __all__ = [
 RELEASES = ("jazzy", "kilted", "lyrical")
 
 _VARIABLES = ("METAROS_INTERFACE_PATH", "AMENT_PREFIX_PATH")  # of `metaros.idl.folders`
-_DATA = Path(__file__).parent / "catalogue_data"
+_DATA = os.path.join(os.path.dirname(__file__), "catalogue_data")  # `pathlib` would cost each start 5 ms
 _PARSERS: dict[str, Callable[[str, str], Definition]] = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
 T = TypeVar("T")
 
@@ -192,6 +191,12 @@ class Catalogue:
         return [field.type.base for field in definition.fields if field.type.is_nested]
 
 
+def _data_files(folder: str) -> dict[str, str]:
+    """The paths of a folder's data files by package; none where there is no such folder."""
+    names = os.listdir(folder) if os.path.isdir(folder) else []
+    return {name[:-4]: os.path.join(folder, name) for name in names if name.endswith(".txt")}
+
+
 class _ShippedCatalogue(Catalogue):
     """The catalogue that reads `catalogue_data` on demand, and folders that the environment names."""
 
@@ -199,7 +204,7 @@ class _ShippedCatalogue(Catalogue):
         super().__init__()
         self._with_folders = folders
         self._folders: Folders | None = None
-        self._unread = {path.stem: path for path in _DATA.glob("*.txt")}
+        self._unread = _data_files(_DATA)
         self._texts: dict[str, str] = {}
 
     def _lookup(self, name: str) -> Definition | None:
@@ -250,7 +255,7 @@ class _ShippedCatalogue(Catalogue):
     def _read(self, package: str) -> None:
         path = self._unread.pop(package, None)
         if path is not None:
-            self._texts.update(_read_sections(path))
+            self._texts.update(_read_sections(package, path))
 
 
 _DEFAULT = _ShippedCatalogue()  # made at import, so that two threads cannot make two with two sets of classes
@@ -277,20 +282,22 @@ def release_catalogue(release: str) -> Catalogue:
     """The catalogue as a ROS 2 release defines it: "jazzy" and "kilted" are the default, "lyrical" differs a little."""
     if release not in RELEASES:
         raise ConfigError(f"{release!r} is no ROS 2 release known here: {', '.join(RELEASES)}")
-    paths = sorted((_DATA / release).glob("*.txt"))
-    if not paths:
+    files = _data_files(os.path.join(_DATA, release))
+    if not files:
         return default_catalogue()
     catalogue = Catalogue(base=default_catalogue())
-    for path in paths:
-        for name, text in _read_sections(path).items():
+    for package in sorted(files):
+        for name, text in _read_sections(package, files[package]).items():
             catalogue.add(parse_definition(text, name))
     return catalogue
 
 
-def _read_sections(path: Path) -> dict[str, str]:
+def _read_sections(package: str, path: str) -> dict[str, str]:
     """The texts of a package's data file by full interface name."""
+    with open(path, encoding="utf-8") as file:
+        sections = file.read().split("=== ")[1:]
     texts: dict[str, str] = {}
-    for section in path.read_text(encoding="utf-8").split("=== ")[1:]:
+    for section in sections:
         title, _, text = section.partition("\n")
-        texts[f"{path.stem}/{title.strip()}"] = text
+        texts[f"{package}/{title.strip()}"] = text
     return texts

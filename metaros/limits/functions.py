@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass
+else:
+    from metaros.limits.table import table as dataclass
 
 __all__ = ["FunctionLimits"]
 
@@ -10,7 +15,7 @@ KIB = 1024
 MIB = 1024 * KIB
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)  # with them each start takes 20 ms longer
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FunctionLimits:
     """Bounds in bytes, counts and seconds; `metaros.limits.Limits` has them with all others."""
 

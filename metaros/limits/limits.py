@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from metaros.limits.functions import FunctionLimits
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass
+else:
+    from metaros.limits.table import table as dataclass
 
 __all__ = ["LIMITS", "Limits"]
 
@@ -12,7 +17,7 @@ KIB = 1024
 MIB = 1024 * KIB
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)  # with them each start takes 20 ms longer
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Limits(FunctionLimits):
     """Bounds in bytes, counts and seconds. Passed where a caller may want another value; never mutated."""
 

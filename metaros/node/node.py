@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
@@ -32,6 +31,8 @@ from metaros.node.time.sim_time import SimClock
 from metaros.wire import QoSProfile, qos_default, qos_rosout, qos_services
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from metaros.node.action import ActionClient, ActionServer, ServerGoal
     from metaros.node.parameters import ParameterClient
 

@@ -15,9 +15,7 @@ import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Final
-from urllib.parse import unquote, urlsplit
 
 import zenoh
 
@@ -115,6 +113,9 @@ def insert_setting(config: zenoh.Config, key: str, text: str, source: str) -> No
 
 
 def _config_file(uri: str) -> zenoh.Config:
+    from pathlib import Path  # few programs have such a file, and all would wait for these modules
+    from urllib.parse import unquote, urlsplit
+
     path = Path(unquote(urlsplit(uri).path) if uri.startswith("file:") else uri)
     try:
         return zenoh.Config.from_file(path)

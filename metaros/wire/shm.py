@@ -8,7 +8,6 @@ memory, get the bytes as ever. Where the pool has no room, or cannot be had, the
 from __future__ import annotations
 
 import logging
-import shutil
 import sys
 import threading
 from collections.abc import Mapping
@@ -99,6 +98,8 @@ class SharedPool:
 
     def _open(self) -> zenoh.shm.ShmProvider:
         """Writing to a page that the file system has no room for ends a process, so ask beforehand."""
+        import shutil  # with what packs archives: few programs have such a pool
+
         free_bytes = shutil.disk_usage(_FILES).free
         if free_bytes < 2 * self.size_bytes:
             raise MemoryError(f"{_FILES} has {free_bytes} bytes left, a pool takes {self.size_bytes}")

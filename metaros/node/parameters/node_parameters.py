@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from metaros.errors import ParameterError
 from metaros.node.parameters.descriptor import ParameterDescriptor, Range, Validate
 from metaros.node.parameters.store import Change, Outcome, ParameterStore
 from metaros.node.parameters.values import ParameterType, Value, as_parameter_type, infer, kind_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["NodeParameters"]
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from metaros.node.parameters.node_parameters import NodeParameters
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = ["SIM_TIME", "declare_sim_time", "make_parameters"]
 

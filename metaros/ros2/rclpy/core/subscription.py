@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from enum import Enum
 from types import GenericAlias
 from typing import Any, ClassVar, TypedDict
 
+from metaros.errors import UsageError
 from metaros.node.info import MessageInfo as NativeInfo
+from metaros.node.info import takes
 from metaros.ros2.rclpy.core.handles import SubscriptionHandle, info_dict
 from metaros.ros2.rclpy.core.rcl_errors import RCLError, UnsupportedError
 
@@ -36,19 +37,12 @@ class CallbackType(Enum):
 def callback_type(callback: Callable[..., Any]) -> CallbackType:
     """Which it is; RuntimeError for one that takes neither one nor two."""
     try:
-        signature = inspect.signature(callback)
-    except ValueError:  # some builtins tell no signature
-        return CallbackType.MessageOnly
-    for kind, arguments in ((CallbackType.MessageOnly, (None,)), (CallbackType.WithMessageInfo, (None, None))):
-        try:
-            signature.bind(*arguments)
-        except TypeError:
-            continue
-        return kind
-    raise RuntimeError(
-        f"Subscription.__init__(): the callback {callback!r} should be callable with one argument, the message, or"
-        " with two, the message and its info"
-    )
+        return CallbackType.MessageOnly if takes(callback, 1, 2) == 1 else CallbackType.WithMessageInfo
+    except UsageError:
+        raise RuntimeError(
+            f"Subscription.__init__(): the callback {callback!r} should be callable with one argument, the message, or"
+            " with two, the message and its info"
+        ) from None
 
 
 def native_callback(callback: Callable[..., Any]) -> tuple[Callable[..., Any], CallbackType]:

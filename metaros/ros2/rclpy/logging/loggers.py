@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from metaros.ros2.rclpy.logging.levels import LEVELS
 from metaros.ros2.rclpy.logging.rcutils_logger import RcutilsLogger
 from metaros.ros2.rclpy.logging.rosout import ROSOUT
 from metaros.ros2.rclpy.logging.severity import LoggingSeverity
 from metaros.ros2.rclpy.logging.state import STATE
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 __all__ = [
     "LoggingSeverity",
@@ -86,6 +88,8 @@ def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
 
 def get_logging_directory() -> Path:
     """`ROS_LOG_DIR`, or `log` in `ROS_HOME`, which is `~/.ros`. This library writes no files there."""
+    from pathlib import Path
+
     given = os.environ.get("ROS_LOG_DIR")
     home = os.environ.get("ROS_HOME") or str(Path("~") / ".ros")
     return Path(given).expanduser() if given else Path(home).expanduser() / "log"

@@ -69,5 +69,13 @@ def check_is_valid_action_type(action_type: Any) -> None:
 
 
 def _require(interface: Any, attributes: tuple[str, ...], what: str) -> None:
-    if any(getattr(interface, name, None) is None for name in attributes):
+    if any(_found(interface, name) is None for name in attributes):
         raise RuntimeError(f"The {what} type provided is not valid: {interface!r} is no {what}, it is something else")
+
+
+def _found(interface: Any, name: str) -> Any:
+    """The attribute, unread: `SLOT_TYPES` is made when somebody reads it."""
+    for kind in getattr(interface, "__mro__", ()):
+        if name in vars(kind):
+            return vars(kind)[name]
+    return getattr(interface, name, None)
