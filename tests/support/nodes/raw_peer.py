@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import struct
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any
 
@@ -42,26 +43,35 @@ def open_session(router: str) -> zenoh.Session:
 
 
 class RawPeer:
-    """One node, `/raw`, in domain 0."""
+    """One node, `/raw` if not named otherwise, in domain 0."""
 
-    def __init__(self, session: zenoh.Session) -> None:
-        self.session = session
+    def __init__(self, session: zenoh.Session, name: str = "raw") -> None:
+        self.session, self.name = session, name
         self.zid = str(session.info.zid())
         self._ids = itertools.count()
         self.nid = next(self._ids)
         self._kept: list[Any] = [
-            session.liveliness().declare_token(f"@ros2_lv/0/{self.zid}/{self.nid}/{self.nid}/NN/%/%/raw")
+            session.liveliness().declare_token(f"@ros2_lv/0/{self.zid}/{self.nid}/{self.nid}/NN/%/%/{name}")
         ]
 
     def token(self, kind: str, name: str, dds: str, type_hash: str, qos: str) -> str:
         """What `announce` says of an endpoint, once that is there: as rmw does, so who sees it can use it."""
-        where = f"@ros2_lv/0/{self.zid}/{self.nid}/{next(self._ids)}/{kind}/%/%/raw"
+        where = f"@ros2_lv/0/{self.zid}/{self.nid}/{next(self._ids)}/{kind}/%/%/{self.name}"
         return f"{where}/{name.replace('/', '%')}/{dds}/{type_hash}/{qos}"
 
     def announce(self, token: str) -> bytes:
         """Everybody sees the endpoint from now on; returns its GID."""
         self._kept.append(self.session.liveliness().declare_token(token))
         return gid_of(token)
+
+    @contextmanager
+    def lending(self) -> Iterator[None]:
+        """What is made meanwhile goes at the end."""
+        before = len(self._kept)
+        yield
+        for made in reversed(self._kept[before:]):
+            made.undeclare()
+        del self._kept[before:]
 
     def tokens(self) -> list[str]:
         """What everybody declares."""
@@ -98,7 +108,9 @@ class RawPeer:
         self.announce(self.token("MS", name, dds, type_hash, qos))
         return arrived
 
-    def publisher(self, name: str, dds: str, type_hash: str, qos: str) -> Callable[[bytes], None]:
+    def publisher(
+        self, name: str, dds: str, type_hash: str, qos: str, *, now_ns: Callable[[], int] = lambda: STAMP_NS
+    ) -> Callable[[bytes], None]:
         """A publisher as a function of the payload; for a transient_local QoS string it keeps the last."""
         token = self.token("MP", name, dds, type_hash, qos)
         key, seq = f"0{name}/{dds}/{type_hash}", itertools.count(1)
@@ -117,7 +129,7 @@ class RawPeer:
             made = self.session.declare_publisher(key, congestion_control=wait)
         self._kept.append(made)
         gid = self.announce(token)
-        return lambda payload: made.put(payload, attachment=pack_attachment(next(seq), STAMP_NS, gid))
+        return lambda payload: made.put(payload, attachment=pack_attachment(next(seq), now_ns(), gid))
 
 
 class RawClient:
