@@ -19,6 +19,7 @@ from metaros.ros2.launch.substitution import (
     TextSubstitution,
     perform_substitutions,
 )
+from metaros.ros2.programs.stand_ins import ros2_file
 
 __all__ = [
     "AllSubstitution",
@@ -110,7 +111,7 @@ class PathSubstitution(PathJoinSubstitution):
 
 
 class FindExecutable(Substitution):
-    """Where a program is on the PATH."""
+    """Where a program is on the PATH; `ros2` is this library's where there is no other."""
 
     def __init__(self, *, name: SomeSubstitutionsType) -> None:
         self.name = name
@@ -119,6 +120,8 @@ class FindExecutable(Substitution):
         """Its path."""
         name = perform_substitutions(context, self.name)
         found = sys.executable if name in ("python3", "python") else shutil.which(name)
+        if found is None and name == "ros2":
+            found = ros2_file()
         if found is None:
             raise SubstitutionFailure(f"there is no program {name!r} on the PATH")
         return found

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
+from metaros.errors import ConfigError
 from metaros.ros2.ament_index_python.packages import get_package_prefix, get_package_share_directory
 from metaros.ros2.launch.substitution import SomeSubstitutionsType, Substitution, perform_substitutions
 from metaros.ros2.launch.substitutions import PathJoinSubstitution, SubstitutionFailure
+from metaros.ros2.programs.stand_ins import executable_file
 
 __all__ = ["ExecutableInPackage", "FindPackage", "FindPackagePrefix", "FindPackageShare"]
 
@@ -46,17 +47,17 @@ class FindPackageShare(FindPackage):
         return str(get_package_share_directory(name))
 
 
-class ExecutableInPackage(FindPackagePrefix):
-    """An executable of a package."""
+class ExecutableInPackage(FindPackage):
+    """An executable of a package, built or in source."""
 
     def __init__(self, executable: SomeSubstitutionsType, package: SomeSubstitutionsType) -> None:
         super().__init__(package)
         self.executable = executable
 
     def perform(self, context: Any) -> str:
-        """Its path."""
-        package, name = super().perform(context), perform_substitutions(context, self.executable)
-        path = os.path.join(package, "lib", perform_substitutions(context, self.package), name)
-        if not os.path.exists(path):
-            raise SubstitutionFailure(f"there is no executable {name!r} at {path}")
-        return path
+        """The path of a file that runs it."""
+        package, name = (perform_substitutions(context, part) for part in (self.package, self.executable))
+        try:
+            return str(executable_file(package, name, context.environment))
+        except ConfigError as error:
+            raise SubstitutionFailure(str(error)) from None

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shlex
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from metaros.ros2.launch.entities import Action, LaunchDescriptionEntity, flatten
 from metaros.ros2.launch.event_handlers import EventHandler, OnProcessExit
 from metaros.ros2.launch.events.process import ShutdownProcess, SignalProcess
 from metaros.ros2.launch.substitution import SomeSubstitutionsType, perform_substitutions
+from metaros.ros2.programs.stand_ins import folder_with_ros2
 
 __all__ = ["ExecuteLocal", "ExecuteProcess"]
+
+_ROS2: Final = re.compile(r"(?:^|[\s;&|(])ros2(?:\s|$)")  # as a command's first word, also within a shell's line
 
 
 class ExecuteProcess(Action):
@@ -92,12 +97,13 @@ class ExecuteProcess(Action):
         respawn = self._respawn
         if not isinstance(respawn, bool):
             respawn = perform_substitutions(context, respawn).lower() in ("true", "1")
+        words, env = self.words(context), self.environment(context)
         output = self._output if isinstance(self._output, dict) else perform_substitutions(context, self._output)
         context.runner.start(
             self,
-            argv=self.words(context),
+            argv=words,
             called=self.called(context),
-            env=self.environment(context),
+            env=_with_ros2(words, env, context),
             cwd=perform_substitutions(context, self._cwd) if self._cwd else None,
             on_screen=isinstance(output, dict) or output in ("screen", "both", "own_log"),
             respawn=respawn,
@@ -117,6 +123,15 @@ class ExecuteProcess(Action):
             return []
 
         return [_Order(self, ShutdownProcess, end), _Order(self, SignalProcess, send)]
+
+
+def _with_ros2(words: list[str], env: dict[str, str], context: Any) -> dict[str, str]:
+    """The variables with a `PATH` where `ros2` is found, if the command calls it; ours where there is no other."""
+    if not any(_ROS2.search(word) for word in words):
+        return env
+    path = env.get("PATH", context.environment.get("PATH", os.defpath))
+    folder = folder_with_ros2(path)
+    return env if folder is None else {**env, "PATH": f"{path}{os.pathsep}{folder}"}
 
 
 class _Order(EventHandler):

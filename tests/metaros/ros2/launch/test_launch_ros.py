@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 import yaml
 
-from metaros.ros2.launch import LaunchDescription, LaunchService
+from metaros.ros2.launch import LaunchContext, LaunchDescription, LaunchService
 from metaros.ros2.launch.actions import GroupAction, SetLaunchConfiguration
-from metaros.ros2.launch.substitutions import LaunchConfiguration
+from metaros.ros2.launch.substitutions import LaunchConfiguration, SubstitutionFailure
 from metaros.ros2.launch_ros.actions import (
     ComposableNodeContainer,
     Node,
@@ -23,6 +23,7 @@ from metaros.ros2.launch_ros.actions import (
     SetRemap,
 )
 from metaros.ros2.launch_ros.descriptions import ParameterFile, ParameterValue
+from metaros.ros2.launch_ros.substitutions import ExecutableInPackage
 
 
 @pytest.fixture(autouse=True)
@@ -120,11 +121,14 @@ def test_an_executable_of_a_package_and_what_is_left_out(tmp_path: Path, monkeyp
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     commands, lines = words(
         Node(package="pkg", executable="run_it"),
+        Node(executable=ExecutableInPackage("run_it", "pkg")),
         Node(package="pkg", executable="script", prefix="nice -n 5"),
         ComposableNodeContainer(name="c", namespace="", package="rclcpp_components", executable="component_container"),
     )
     assert commands == [
-        [str(binary), "--ros-args"],
+        *[[str(binary), "--ros-args"]] * 2,
         ["nice", "-n", "5", sys.executable, "-m", "metaros", "ros2", "run", "pkg", "script", "--ros-args"],
     ]
     assert any("ComposableNodeContainer" in line for line in lines)
+    with pytest.raises(SubstitutionFailure, match="pkg"):
+        ExecutableInPackage("nobody", "pkg").perform(LaunchContext())

@@ -40,7 +40,13 @@ from metaros.ros2.launch.event_handlers import (
     OnShutdown,
 )
 from metaros.ros2.launch.events.process import SignalProcess, matches_action
-from metaros.ros2.launch.substitutions import LaunchConfiguration, LocalSubstitution, ThisLaunchFileDir
+from metaros.ros2.launch.substitutions import (
+    FindExecutable,
+    LaunchConfiguration,
+    LocalSubstitution,
+    ThisLaunchFileDir,
+)
+from metaros.ros2.programs.stand_ins import ros2_file
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the programs of these tests are POSIX's")
 
@@ -190,8 +196,21 @@ def test_files_are_included_with_arguments_and_know_where_they_are(tmp_path: Pat
 
 
 def test_what_is_not_understood_is_said_once() -> None:
-    process = {"cmd": ["true"], "name": "p", "emulate_tty": True}
+    process: dict[str, Any] = {"cmd": ["true"], "name": "p", "emulate_tty": True}
     _, lines = run(ExecuteProcess(**process), ExecuteProcess(**process))
     assert [line for line in lines if "emulate_tty" in line] == [
         "[WARNING] [launch]: not understood, and left out: p: emulate_tty"
     ]
+
+
+def test_a_command_that_calls_ros2_finds_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours = ros2_file()
+    monkeypatch.setenv("PATH", os.defpath)
+    code, lines = run(
+        ExecuteProcess(cmd=["command -v ros2"], shell=True, output="screen"),
+        ExecuteProcess(cmd=["sh", "-c", "echo ${PATH##*:}"], output="screen"),
+        LogInfo(msg=FindExecutable(name="ros2")),
+    )
+    assert code == 0
+    assert sum(line.endswith(f" {ours}") for line in lines) == 2
+    assert not any(line.endswith(os.path.dirname(ours)) for line in lines)
