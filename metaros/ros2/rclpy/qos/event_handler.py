@@ -9,7 +9,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Iterable
 from enum import IntEnum
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from metaros.executor import CallbackGroup
 from metaros.node.events import PublisherEvents, SubscriptionEvents
@@ -224,6 +224,11 @@ def _handlers(
     ]
 
 
+_ON_ZENOH: Final = (  # what rclpy's own sentence does not know
+    "That is so on DDS. On Zenoh, as with rmw_zenoh, messages pass all the same, without what the policy promises"
+)
+
+
 def _logger_of(handle: Any) -> Any:
     node = getattr(handle, "node", handle)
     return get_logger(node.get_logger().name)
@@ -234,6 +239,7 @@ def _qos_warning(handle: Any, text: str) -> Callable[[QoSRequestedIncompatibleQo
 
     def warn(event: QoSRequestedIncompatibleQoSInfo) -> None:
         logger.warn(f"{text}Last incompatible policy: {qos_policy_name_from_kind(event.last_policy_kind)}")
+        logger.warn(_ON_ZENOH, once=True)
 
     return warn
 
