@@ -15,6 +15,8 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, Final
 
+from metaros.ros2.borrowed_names import lend
+
 __all__ = ["PACKAGES", "RosFinder", "install", "installed", "uninstall"]
 
 _HERE: Final = "metaros.ros2"
@@ -34,6 +36,15 @@ PACKAGES: Final[dict[str, str]] = {
     "tf2_sensor_msgs": f"{_HERE}.tf2_sensor_msgs",
 }
 _INTERFACES: Final = ("msg", "srv", "action")
+_LAUNCH_HOMES: Final = {  # modules of `launch` that launch files name beside the package itself
+    "action": "entities",
+    "condition": "conditions",
+    "event": "events",
+    "event_handler": "event_handlers",
+    "launch_description": "entities",
+    "launch_description_entity": "entities",
+    "launch_description_source": "launch_description_sources",
+}
 
 
 class RosFinder:  # not of importlib.abc, which would cost more than all the rest
@@ -119,6 +130,7 @@ class _Given:
         if self._was is not None:
             module.__spec__ = self._was
         self._finder.given[self._name] = module
+        lend(self._name, module)
         if self._name == "rclpy":
             _show_homes(module)
 
@@ -128,6 +140,8 @@ def _home(top: str, rest: str) -> str:
     if top == "rclpy":
         homes = importlib.import_module(f"{_HERE}.rclpy.module_names").HOMES
         rest = homes.get(rest, rest)
+    elif top == "launch":
+        rest = _LAUNCH_HOMES.get(rest, rest)
     return f"{PACKAGES[top]}.{rest}"
 
 

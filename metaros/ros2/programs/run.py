@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import runpy
 import sys
 from collections.abc import Callable, Sequence
@@ -19,6 +20,7 @@ from metaros.ros2.programs.environment import ignored_settings, set_defaults
 __all__ = ["INTERRUPTED", "Program", "run_program"]
 
 INTERRUPTED: Final = 130
+_MESSAGES: Final = re.compile(r"^\w+_(msgs|interfaces|srvs|actions)\b|\.(msg|srv|action)\b|^turtlesim$")
 _FAILED: Final = 1
 _OURS: Final = str(Path(__file__).resolve().parents[2])  # the frames of this library up to the program's own
 
@@ -60,6 +62,8 @@ def run_program(program: Program, arguments: Sequence[str], *, say: Callable[[st
         raise
     except BaseException as error:
         trace = _of_the_program(error.__traceback__)
+        if isinstance(error, ModuleNotFoundError) and error.name is not None:
+            _add_advice(error, error.name)
         sys.excepthook(type(error), error.with_traceback(trace), trace)
         code = _FAILED
     sys.exit(code)
@@ -77,6 +81,16 @@ def _run(program: Program) -> Any:
             function = getattr(function, part)
         return function()  # as the script that setuptools makes: what it returns is the exit code
     return 0
+
+
+def _add_advice(error: ModuleNotFoundError, name: str) -> None:
+    """What to do where the module is a package of messages, to go by its name."""
+    if _MESSAGES.search(name):
+        package = name.partition(".")[0]
+        error.add_note(
+            f"If {package} is a package of messages: METAROS_INTERFACE_PATH names folders that hold {package}/msg, srv "
+            "or action, such as the src of a workspace; those of a sourced ROS 2 installation are found by themselves."
+        )
 
 
 def _become(binary: Path, arguments: Sequence[str]) -> NoReturn:

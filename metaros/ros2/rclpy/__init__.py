@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from metaros.ros2.borrowed_names import lend
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.signals import SignalHandlerOptions, install_signal_handlers, uninstall_signal_handlers
 from metaros.ros2.rclpy.core.utilities import (
@@ -62,7 +63,9 @@ def __getattr__(name: str) -> Any:
     if name in _LATER:
         return getattr(importlib.import_module(f"{__name__}.{_LATER[name]}"), name)
     if name in HOMES:
-        return importlib.import_module(f"{__name__}.{HOMES[name]}")
+        module = importlib.import_module(f"{__name__}.{HOMES[name]}")
+        lend(f"rclpy.{name}", module)
+        return module
     raise AttributeError(f"module 'rclpy' has no attribute {name!r}")
 
 

@@ -7,6 +7,7 @@ from typing import Final
 __all__ = ["HOMES"]
 
 HOMES: Final[dict[str, str]] = {
+    "_rclpy_pybind11": "core.rcl_errors",  # of the C extension the errors, which programs catch
     "action": "action",
     "action.client": "action.client",
     "action.graph": "action.graph",

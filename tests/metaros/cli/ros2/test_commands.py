@@ -66,6 +66,10 @@ def test_an_error_of_the_program_is_shown_as_python_shows_it(folder: Path) -> No
     assert done.err.startswith(f'Traceback (most recent call last):\n  File "{folder / "fail.py"}", line 3')
     assert done.err.endswith("EOFError: no more\n")
     assert call_metaros("ros2", "run", str(folder / "stop.py")) == (130, "", "")
+    for line, advised in (("from nav2_msgs.action import Spin", True), ("import nowhere", False)):
+        (folder / "fail.py").write_text(f"{line}\n")
+        done = call_metaros("ros2", "run", str(folder / "fail.py"))
+        assert ("METAROS_INTERFACE_PATH names folders that hold nav2_msgs/msg" in done.err) is advised
 
 
 def test_an_executable_of_a_package_that_nobody_has_built(folder: Path) -> None:
