@@ -11,7 +11,7 @@ SHARED = --dist loadgroup --no-loadscope-reorder
 # CI runs the integration tests too; at a desk they are one word away: make test ALL=1
 MARKERS = $(if $(or $(CI),$(ALL)),,-m "not integration")
 
-.PHONY: setup up test profile check fmt proto lock bench bench-anomaly bench-faults campaign clean
+.PHONY: setup up test conformance profile check fmt proto lock bench bench-anomaly bench-faults campaign clean
 
 setup:
 	@[ -n "$(PYTHON)" ] || { echo "metaros: needs Python 3.11 or newer (Debian: apt install python3)"; exit 1; }
@@ -26,6 +26,11 @@ ifdef CHANGED
 else
 	@$(BIN)/python -m pytest -n $(WORKERS) $(SHARED) $(MARKERS) $(ARGS)
 endif
+
+# What is on the wire, with peers that know no Meta-ROS; with a real ROS 2, too: make conformance ROS=/opt/ros/jazzy
+ROS ?=
+conformance: setup
+	@METAROS_CONFORMANCE=1 METAROS_ROS="$(ROS)" $(BIN)/python -m pytest -q -n 0 tests/ros2 $(ARGS)
 
 profile: setup
 	@$(BIN)/python tools/profile_tests.py -n $(WORKERS) $(SHARED) $(MARKERS) $(ARGS)

@@ -6,26 +6,27 @@ import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import pytest
 
 if TYPE_CHECKING:
     from tests.ros2.participant import Participant
 
-__all__ = ["OURS", "PEERS", "ROS", "Cast", "Part"]
+__all__ = ["HASHLESS", "OURS", "PEERS", "ROS", "Cast", "Part"]
 
 ROS = os.environ.get("METAROS_ROS", "")  # the folder of a real installation, which has a setup.bash
+OLD_ROS = bool(ROS) and not (Path(ROS) / "share" / "type_description_interfaces").is_dir()
+HASHLESS = {"humble", *(["ros"] if OLD_ROS else [])}  # who writes no hashes of types
 
 
 @dataclass(frozen=True)
 class Part:
-    """`cannot` has the needs of scenarios that it does not meet, and why."""
+    """`cannot` has what it cannot do that scenarios need, and why; `desk` whom of ours it meets in `make test`."""
 
     name: str
     make: Callable[[str], Participant]
     cannot: Mapping[str, str] = field(default_factory=dict)
-    marks: tuple[pytest.MarkDecorator, ...] = ()
+    desk: tuple[str, ...] = ()
 
 
 def _native(router: str) -> Participant:
@@ -73,6 +74,12 @@ def _dds(router: str) -> Participant:
     return peer
 
 
+def _ros(router: str) -> Participant:
+    from tests.ros2.installation.peer import RosPeer
+
+    return RosPeer(ROS, router)
+
+
 NO_CLOCK = "it has no clock that could follow another"
 NO_LEARNING = "it has its types by hand, as ROS 2 nodes have theirs by building: we alone learn them"
 NO_TYPES = "Humble has no type descriptions"
@@ -83,7 +90,7 @@ SDK_LACKS = DDS_LACKS = (*TYPES, *ACTIONS, *NODES)
 
 OURS = [Part("native", _native), Part("rclpy", _rclpy, {"learn types": "rclpy programs import their types"})]
 PEERS = [
-    Part("raw", _raw, {"keep time": NO_CLOCK, "learn types": NO_LEARNING}),
+    Part("raw", _raw, {"keep time": NO_CLOCK, "learn types": NO_LEARNING}, desk=("native", "rclpy")),
     Part(
         "sdk",
         _sdk,
@@ -91,6 +98,7 @@ PEERS = [
             "latch": "it keeps nothing for who comes later (a defect of 0.1.8)",
             **dict.fromkeys(SDK_LACKS, "zenoh-ros2-sdk has topics, services and the graph alone"),
         },
+        desk=("native",),
     ),
     Part(
         "dds",
@@ -98,11 +106,17 @@ PEERS = [
         {
             "appear": "in the graph its endpoints are those of /dds_bridge",
             "look": "the graph of Zenoh is not that of DDS",
-            **dict.fromkeys(DDS_LACKS, "the peer speaks topics and services alone: ROS's own are services, too"),
+            **dict.fromkeys(DDS_LACKS, "this peer has topics and services alone; the rest would be those rows again"),
         },
     ),
-    Part("humble", _humble, {"keep time": NO_CLOCK, **dict.fromkeys(TYPES, NO_TYPES)}),
+    Part("humble", _humble, {"keep time": NO_CLOCK, **dict.fromkeys(TYPES, NO_TYPES)}, desk=("native",)),
 ]
+
+if ROS:  # else it is not even in the table
+    cannot = {"have a type of its own": "no package of its own is installed there", "learn types": NO_LEARNING}
+    if "ros" in HASHLESS:
+        cannot |= dict.fromkeys(TYPES, NO_TYPES)
+    PEERS.append(Part("ros", _ros, cannot, desk=("native", "rclpy")))
 
 
 class Cast:

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.ros2.cast import Cast
+from tests.ros2.cast import ROS, Cast
 from tests.ros2.scenarios import report
 from tests.support.servers.routers import zenoh_router as started_router
+
+
+def pytest_sessionstart() -> None:
+    """A wrong ROS= is told at once, and not by each test."""
+    if ROS and not (Path(ROS) / "setup.bash").is_file():
+        raise pytest.UsageError(f"ROS={ROS} has no setup.bash: it is the folder of an installation, as /opt/ros/jazzy")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

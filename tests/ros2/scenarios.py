@@ -54,8 +54,9 @@ class Report:
                     if (played.told if told_by == "us" else played.heard) in ours.cannot:
                         continue
                     pair = (ours.name, peer.name) if told_by == "us" else (peer.name, ours.name)
-                    pairs.append(pytest.param(*pair, id="->".join(pair), marks=peer.marks))
-                    self._ids[f"{metafunc.function.__name__}[{'->'.join(pair)}]"] = cell
+                    marks = () if ours.name in peer.desk else (pytest.mark.integration,)
+                    pairs.append(pytest.param(*pair, id="-to-".join(pair), marks=marks))
+                    self._ids[f"{metafunc.function.__name__}[{'-to-'.join(pair)}]"] = cell
         metafunc.parametrize(("teller", "hearer"), pairs, indirect=True)
 
     def note(self, outcome: pytest.TestReport) -> None:

@@ -19,6 +19,7 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Trigger
 
 PATIENT = 30  # a goal of a higher order goes on until it is cancelled
@@ -32,6 +33,7 @@ class Robot(Node):  # type: ignore[misc]
         bounds = FloatingPointRange(from_value=0.0, to_value=1.0, step=0.0)
         self.declare_parameter("speed", 0.5, ParameterDescriptor(floating_point_range=[bounds], description="m/s"))
         self.create_service(AddTwoInts, "~/add", self.on_add)
+        self.create_subscription(LaserScan, "~/scan", lambda _: None, 10)  # types in use are told to who asks
         offer_now(self)
         self.waits = threading.Event()
         self.fibonacci = ActionServer(
