@@ -16,7 +16,6 @@ from tests.ros2.installation.commands import Installation
 from tests.ros2.installation.stand_in import make_stand_in
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.xdist_group("ros2")
 ROOT = Path(__file__).parents[2]
 TEXT = "std_msgs/msg/String"
 SOME = "ros-to-native or (native-to-ros and (arrives or kept or goals or states))"
