@@ -249,6 +249,8 @@ class Ingress:
 
     def collect(self) -> None:
         """Sort everything that has arrived into the mailboxes, without waiting."""
+        if self.queue.empty():
+            return
         with self._lock:
             if self._leader is None:
                 self._sort(self._arrived())

@@ -142,37 +142,37 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
     @property
     def publishers(self) -> Iterator[Publisher]:
         """Its publishers."""
-        yield from self._publishers
+        return iter(self._publishers)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
         """Its subscriptions."""
-        yield from self._subscriptions
+        return iter(self._subscriptions)
 
     @property
     def clients(self) -> Iterator[Client]:
         """Its clients."""
-        yield from self._clients
+        return iter(self._clients)
 
     @property
     def services(self) -> Iterator[Service]:
         """Its service servers."""
-        yield from self._services
+        return iter(self._services)
 
     @property
     def timers(self) -> Iterator[Timer]:
         """Its timers."""
-        yield from self._timers
+        return iter(self._timers)
 
     @property
     def guards(self) -> Iterator[GuardCondition]:
         """Its guard conditions."""
-        yield from self._guards
+        return iter(self._guards)
 
     @property
     def waitables(self) -> Iterator[Waitable[Any]]:
         """Its waitables."""
-        yield from self.__waitables
+        return iter(self.__waitables)
 
     @property
     def executor(self) -> Any:

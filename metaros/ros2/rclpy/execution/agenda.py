@@ -26,17 +26,18 @@ _GROUP_S: Final = 0.1  # how often a group that let nothing run is asked again, 
 class Agenda:
     """`gather` looks around, `pop` gives out. Thread-safe; mailboxes are the agenda's until somebody has run them.
 
-    Of the tasks of a round the newest are run first, as rclpy does.
+    Of the tasks of a round the newest are run first, as rclpy does, unless `newest_first` is off.
     """
 
     def __init__(self) -> None:
+        self.newest_first = True
         self._tasks: deque[Task[Any]] = deque()
         self._polls: deque[Task[Any]] = deque()  # those that yielded time and again, and wait a little
         self._poll_s = 0.0  # until then
         self.queue = ReadyQueue()
         self.due_s: float | None = None  # when the next may become ready by itself, as of the last look; monotonic
         self._lock = threading.RLock()
-        self._entries: deque[Work | Task[Any]] = deque()
+        self.entries: deque[Work | Task[Any]] = deque()  # what `pop` gives out; others only ask whether there is any
         self._parked: list[Mailbox] = []  # with items, while their group is busy
         self._tasks_came = False  # alone, the last time
         self._handed: dict[
@@ -88,16 +89,16 @@ class Agenda:
 
     def pop(self, nodes: Collection[Any] | None = None) -> Work | Task[Any] | None:
         """The next that may run now, of these nodes or of all; None where nothing may."""
-        if not self._entries:
+        if not self.entries:
             return None
         with self._lock:
-            for _ in range(len(self._entries)):
-                entry = self._entries.popleft()
+            for _ in range(len(self.entries)):
+                entry = self.entries.popleft()
                 if isinstance(entry, Task):
                     node = getattr(entry, "node", None)  # that of its entity
                     if node is None or node in (self._nodes.values() if nodes is None else nodes):
                         return entry
-                    self._entries.append(entry)
+                    self.entries.append(entry)
                 elif not entry.ready() or entry.node not in self._nodes.values():
                     entry.give_back()
                 elif not entry.allowed():
@@ -106,8 +107,12 @@ class Agenda:
                 elif nodes is None or entry.node in nodes:
                     return entry
                 else:
-                    self._entries.append(entry)
+                    self.entries.append(entry)
         return None
+
+    def put_back(self, work: Work) -> None:
+        """Give it out later."""
+        self.entries.append(work)
 
     def hand(self, work: Work, wake: Callable[[], None]) -> None:
         """Somebody will run it: its source is not ready again until the work is `taken`, which calls `wake()`."""
@@ -125,34 +130,51 @@ class Agenda:
 
     # -- looking around --------------------------------------------------------------------------------------------
 
-    def gather(self, executor: Any, *, timers_only: bool = False) -> None:
-        """Put what is ready on the agenda. `timers_only`: those that became due go first.
+    def gather(self, executor: Any) -> Work | None:
+        """Put what is ready on the agenda, but for the first of it where that is what is to run next.
 
         Tasks come alone every other time: what they make ready, such as a message, is seen together with all else.
         """
         with self._lock:
             found: list[Work | Task[Any]] = []
             waits: list[float] = []
-            if not timers_only and (self._tasks or self._polls):
+            if self._tasks or self._polls:
                 self._gather_tasks(found, waits)
                 self._tasks_came = bool(found) and not self._tasks_came
                 if self._tasks_came:
-                    self._entries.extend(found)
+                    self.entries.extend(found)
                     self.due_s = time.monotonic()  # look again at once
-                    return
-            elif not timers_only:
+                    return None
+            else:
                 self._tasks_came = False
             for handle, node in self._nodes.items():
-                if not timers_only:
-                    self._gather_waitables(node, executor, found, waits)
+                for waitable in node.waitables:
+                    if not getattr(waitable, "_by_mail", False):
+                        self._gather_waitables(node, executor, found, waits)
+                        break
                 self._gather_timers(handle, node, found, waits)
-                if not timers_only:
-                    self._gather_guards(node, found, waits)
-            if timers_only:
-                self._entries.extendleft(reversed(found))
-            else:
-                self._gather_mail(found, waits)
-                self._entries.extend(found)
+                for guard in node.guards:
+                    if guard.handle.triggered and id(guard) not in self._handed:
+                        self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
+            self._gather_mail(found, waits)
+            self.due_s = time.monotonic() + min(waits) if waits else None
+            if not found:
+                return None
+            first = found[0]
+            if self.entries or isinstance(first, Task):
+                self.entries.extend(found)
+                return None
+            self.entries.extend(found[1:])
+            return first
+
+    def gather_timers(self) -> None:
+        """Put those that became due first on the agenda."""
+        with self._lock:
+            found: list[Work | Task[Any]] = []
+            waits: list[float] = []
+            for handle, node in self._nodes.items():
+                self._gather_timers(handle, node, found, waits)
+            self.entries.extendleft(reversed(found))
             self.due_s = time.monotonic() + min(waits) if waits else None
 
     @staticmethod
@@ -173,7 +195,8 @@ class Agenda:
                 waits.append(left_s)
         count = len(self._tasks)
         if count:
-            found.extend(reversed([self._tasks.popleft() for _ in range(count)]))
+            round_of = [self._tasks.popleft() for _ in range(count)]
+            found.extend(reversed(round_of) if self.newest_first else round_of)
 
     def _gather_timers(self, handle: Any, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
         for timer in node.timers:
@@ -195,18 +218,10 @@ class Agenda:
                 return
             found.append(NativeTimerWork(own.pop_due(), None, node))
 
-    def _gather_guards(self, node: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
-        for guard in node.guards:
-            if guard.handle.triggered and id(guard) not in self._handed:
-                self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
-
     def _gather_waitables(self, node: Any, executor: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
-        waitables = [waitable for waitable in node.waitables if not getattr(waitable, "_by_mail", False)]
-        if not waitables:
-            return
         asked = []
         wait_set = WaitSet()
-        for waitable in waitables:
+        for waitable in [waitable for waitable in node.waitables if not getattr(waitable, "_by_mail", False)]:
             work = WaitableWork(waitable, node, executor)
             if id(waitable) not in self._handed and self._choose(work, [], waits):
                 try:
@@ -226,17 +241,25 @@ class Agenda:
         if ingress is None:
             return
         ingress.collect()
-        parked, self._parked = self._parked, []
+        parked = self._parked
+        if parked:
+            self._parked = []
         late: list[Any] = []  # responses: as in rclpy after messages that came with them
-        for mailbox in (*parked, *ingress.take_ready(self.queue)):
+        for mailbox in parked + ingress.take_ready(self.queue):
             node: Any = self._nodes.get(mailbox.owner)
             if node is None or not mailbox.pending or mailbox.busy:
                 ingress.requeue(mailbox)
                 continue
             work = MailWork(mailbox, mailbox.group, node)
-            if not self._choose(work, late if isinstance(mailbox, InboxMail) else found, waits):
+            if not work.allowed():
+                waits.append(_GROUP_S)
                 self._parked.append(mailbox)
-        found.extend(late)
+            elif type(mailbox) is InboxMail:
+                late.append(work)
+            else:
+                found.append(work)
+        if late:
+            found.extend(late)
 
     # -- the end ---------------------------------------------------------------------------------------------------
 
@@ -245,18 +268,18 @@ class Agenda:
         with self._lock:
             self._nodes = {}
             self._give_back(lambda work: True)
-            self._entries.clear()
+            self.entries.clear()
             self._tasks.clear()
             self._polls.clear()
 
     def _give_back(self, chosen: Callable[[Work], bool]) -> None:
-        entries = list(self._entries)
-        self._entries.clear()
+        entries = list(self.entries)
+        self.entries.clear()
         for entry in entries:
             if isinstance(entry, Work) and chosen(entry):
                 entry.give_back()
             else:
-                self._entries.append(entry)
+                self.entries.append(entry)
         for work in [work for work in self._handed.values() if chosen(work)]:
             del self._handed[id(work.source)]
             work.give_back()

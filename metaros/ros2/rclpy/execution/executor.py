@@ -91,13 +91,20 @@ class Executor(ExecutorCore):
             entry: Work | Task[Any] | None = self._next(None)
         except (ShutdownException, ConditionReachedException):
             return
-        while entry is not None:
-            self._run(entry, _SLICE)
-            if self._is_shutdown or self._failures or not self._context.ok():
-                return
-            if agenda.due_s is not None and time.monotonic() >= agenda.due_s:
-                agenda.gather(self, timers_only=True)
-            entry = self._pop()
+        progress = self._progress
+        outer, progress.spinner = progress.spinner, self._thread
+        try:
+            while entry is not None:
+                self._run(entry, _SLICE)
+                if self._is_shutdown or self._failures or not self._context.ok():
+                    return
+                if agenda.due_s is not None and time.monotonic() >= agenda.due_s:
+                    agenda.gather_timers()
+                entry = self._pop() if agenda.entries else None
+        finally:
+            progress.spinner = outer
+            if progress.waiting:
+                progress.tell()
 
     def wait_for_ready_callbacks(self, *args: Any, **kwargs: Any) -> tuple[Task[Any], Any, Any]:
         """The next callback that is ready, as a task to call, with its entity and node; arguments as the generator's.

@@ -228,7 +228,7 @@ class ExecutorCore:
         condition: Callable[[], bool] = never,
     ) -> Work | Task[Any]:
         """The next that may run; waits for it. TimeoutException, ShutdownException … where there is none."""
-        timeout_s = seconds(timeout_sec)
+        timeout_s = None if timeout_sec is None else seconds(timeout_sec)
         end_s = None if timeout_s is None else time.monotonic() + timeout_s
         agenda = self._agenda
         while True:
@@ -236,22 +236,29 @@ class ExecutorCore:
                 raise ShutdownException
             if self._failures:
                 raise self._failures.popleft()
-            if condition():
+            if condition is not never and condition():
                 raise ConditionReachedException
-            if (entry := self._pop(nodes)) is not None:
+            if agenda.entries and (entry := self._pop(nodes)) is not None:
                 return entry
             self._asleep = True  # whatever becomes ready from now on ends the wait below
-            agenda.gather(self)
             if not self._context.ok():
                 raise ExternalShutdownException
-            if (entry := self._pop(nodes)) is not None:
+            first = agenda.gather(self)
+            if first is not None:
+                if nodes is None or first.node in nodes:
+                    self._asleep = False
+                    return first
+                agenda.put_back(first)
+            if agenda.entries and (entry := self._pop(nodes)) is not None:
                 self._asleep = False
                 return entry
+            if end_s is None and agenda.due_s is None:
+                self._wait(None)
+                continue
             now_s = time.monotonic()
             if end_s is not None and now_s >= end_s:
                 raise TimeoutException
-            waits = [until_s - now_s for until_s in (end_s, agenda.due_s) if until_s is not None]
-            self._wait(max(0.0, min(waits)) if waits else None)
+            self._wait(max(0.0, min(until_s - now_s for until_s in (end_s, agenda.due_s) if until_s is not None)))
 
     def _pop(self, nodes: Collection[Any] | None = None) -> Work | Task[Any] | None:
         """The next that may run now; tasks that were cancelled are forgotten on the way."""
@@ -282,23 +289,22 @@ class ExecutorCore:
         """On this thread; raises what the callback does."""
         if isinstance(entry, Task):
             self._go_on(entry)
-        elif self._enter(entry):
+        elif entry.enter():
             self._carry(entry, limit)
+        else:
+            self._refused(entry)
 
-    def _enter(self, work: Work) -> bool:
-        """Whether its group lets it run now."""
-        if work.enter():
-            return True
-        work.taken()
+    @staticmethod
+    def _refused(work: Work) -> None:
+        """Its group does not let it run now."""
+        work.no_more_ready()
         work.give_back()
-        return False
 
     def _carry(self, work: Work, limit: int) -> None:
-        """Run what has entered its group, and let a coroutine begin."""
+        """Run what has entered its group, and let a coroutine begin. Within `self._progress`."""
         coroutine = None
         try:
-            with self._progress:
-                coroutine = work.run(limit)
+            coroutine = work.run(limit)
         finally:
             if coroutine is None:
                 self._done(work)
@@ -317,7 +323,10 @@ class ExecutorCore:
 
     async def _handle(self, work: Work) -> None:
         """What a handler of `wait_for_ready_callbacks` does."""
-        if not self._agenda.holds(work) or not self._enter(work):
+        if not self._agenda.holds(work):
+            return
+        if not work.enter():
+            self._refused(work)
             return
         coroutine = None
         try:
@@ -330,10 +339,12 @@ class ExecutorCore:
 
     def _done(self, work: Work) -> None:
         """It ran, or never will."""
-        work.taken()
+        if work.taken is not None:
+            work.taken()
         work.leave()
         work.give_back()
-        self.wake()
+        if self._asleep:
+            self.wake()
 
     def _go_on(self, task: Task[Any]) -> None:
         """Run a task up to where it awaits; raises what it raised at its end."""

@@ -58,7 +58,8 @@ class SingleThreadedExecutor(Executor):
         self._begin()
         try:
             entry = self._next(timeout_sec, None, wait_condition)
-            self._run(entry, 1)
+            with self._progress:
+                self._run(entry, 1)
         except _ENDS:
             return
         finally:
@@ -107,7 +108,9 @@ class MultiThreadedExecutor(Executor):
     def _run(self, entry: Work | Task[Any], limit: int) -> None:
         if isinstance(entry, Task):
             self._submit(lambda: self._go_on(entry), lambda: None)
-        elif self._enter(entry):
+        elif not entry.enter():
+            self._refused(entry)
+        else:
             self._agenda.hand(entry, self.wake)
             self._submit(lambda: self._carry(entry, limit), lambda: self._done(entry))
 
@@ -119,7 +122,8 @@ class MultiThreadedExecutor(Executor):
                 leave()
                 return
             try:
-                run()
+                with self._progress:
+                    run()
             except BaseException as error:  # KeyboardInterrupt belongs to the thread that spins, too
                 self._failures.append(error)
                 self.wake()

@@ -61,7 +61,7 @@ class Work:
         self.source = source
         self.group: CallbackGroup | None = group
         self.node = node
-        self.taken: Callable[[], object] = _nothing  # called when it is no more ready for what runs now
+        self.taken: Callable[[], object] | None = None  # called when it is no more ready for what runs now
 
     @property
     def entity(self) -> Any:
@@ -92,6 +92,11 @@ class Work:
         if group is not None:
             group.ending_execution(self.entity)
 
+    def no_more_ready(self) -> None:
+        """Tell whom it was handed to."""
+        if self.taken is not None:
+            self.taken()
+
     def give_back(self) -> None:
         """It is the executor's no more, run or not."""
 
@@ -105,18 +110,39 @@ class Work:
 class MailWork(Work):
     """A mailbox with items: of a subscription, a service, an inbox."""
 
-    __slots__ = ("returned",)
+    __slots__ = ("plain", "returned")
 
     source: Mailbox
 
     def __init__(self, source: Any, group: Any, node: Any) -> None:
-        super().__init__(source, group, node)
+        # Made for each turn of a subscription: without the call of the base's.
+        self.source = source
+        self.group = group
+        self.node = node
+        self.taken = None
         self.returned = False
+        self.plain = type(group) in _PLAIN_GROUPS
 
     @property
     def entity(self) -> Any:
         """The subscription, service or client; the mailbox for groups that do not ask."""
-        return self.source if type(self.group) in _PLAIN_GROUPS else self.owner()
+        return self.source if self.plain else self.owner()
+
+    def allowed(self) -> bool:
+        """As of the base."""
+        group: Any = self.group
+        return group is None or group.can_execute(self.source if self.plain else self.owner())
+
+    def enter(self) -> bool:
+        """As of the base."""
+        group: Any = self.group
+        return group is None or group.beginning_execution(self.source if self.plain else self.owner())
+
+    def leave(self) -> None:
+        """As of the base."""
+        group: Any = self.group
+        if group is not None:
+            group.ending_execution(self.source if self.plain else self.owner())
 
     def owner(self) -> Any:
         """The same, whatever the group."""
@@ -138,7 +164,8 @@ class MailWork(Work):
         """Items in their order, up to the first that awaits."""
         mailbox, group = self.source, self.group
         pending, handle = mailbox.pending, mailbox.handle
-        self.taken()
+        if self.taken is not None:
+            self.taken()
         apart = group is not None and group.overlap > 1  # the next item need not wait for this one
         for _ in range(1 if apart else min(len(pending), limit)):
             try:
@@ -197,7 +224,7 @@ class TimerWork(Work):
         except (InvalidHandle, TimerCancelledError):
             return None
         finally:
-            self.taken()
+            self.no_more_ready()
         return _called(call)
 
 
@@ -214,7 +241,7 @@ class GuardWork(Work):
     def run(self, limit: int) -> Coroutine[Any, Any, Any] | None:
         """Answer it."""
         call = self.source.take()
-        self.taken()
+        self.no_more_ready()
         return _called(call)
 
 
@@ -237,7 +264,7 @@ class WaitableWork(Work):
         try:
             data = waitable.take_data()
         finally:
-            self.taken()
+            self.no_more_ready()
         for future in getattr(waitable, "_futures", ()):
             future._set_executor(self.executor)
         result = waitable.execute(data)
@@ -262,10 +289,6 @@ class NativeTimerWork(Work):
         except Exception:
             _log.exception("a timer's callback failed")
             return None
-
-
-def _nothing() -> None:
-    return
 
 
 def _called(call: Callable[[], Any] | None) -> Coroutine[Any, Any, Any] | None:
