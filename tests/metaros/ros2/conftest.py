@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator
 
 import pytest
@@ -36,3 +37,14 @@ def rclpy_context(ros2_router: str) -> Iterator[Context]:
         assert context.handle is not None  # opens the session
     yield context
     context.try_shutdown()
+
+
+@pytest.fixture
+def rclpy_program(ros2_names: None, ros2_router: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a program's process: no arguments, a router, and nothing left of rclpy at the end."""
+    monkeypatch.setenv("METAROS_ZENOH_PORT", ros2_router)
+    monkeypatch.setattr("sys.argv", ["program"])
+    yield
+    rclpy = importlib.import_module("rclpy")
+    rclpy.try_shutdown()
+    rclpy.uninstall_signal_handlers()

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
 
-
-@pytest.fixture(autouse=True)
-def _program(ros2_names: None, ros2_router: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setenv("METAROS_ZENOH_PORT", ros2_router)
-    monkeypatch.setattr("sys.argv", ["program"])
-    yield
-    import rclpy
-
-    rclpy.try_shutdown()
-    rclpy.uninstall_signal_handlers()
+pytestmark = pytest.mark.usefixtures("rclpy_program")
 
 
 def test_a_publisher_and_a_subscriber_of_member_functions() -> None:
