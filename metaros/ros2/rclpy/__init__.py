@@ -161,7 +161,7 @@ class _Global:
     """The executor of `spin`, kept from call to call: tasks that wait go on where the next call spins."""
 
     def __init__(self) -> None:
-        self.lock = threading.Lock()
+        self.lock = threading.RLock()  # a program's handler of signals may shut down in the middle of anything
         self.executor: Executor | None = None
 
 
@@ -173,10 +173,11 @@ def get_global_executor() -> Executor:
     from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 
     with _global.lock:
-        if _global.executor is None:
-            _global.executor = SingleThreadedExecutor()
-            get_default_context().on_shutdown(_forget_executor)
-        return _global.executor
+        if _global.executor is not None:
+            return _global.executor
+        executor = _global.executor = SingleThreadedExecutor()
+    get_default_context().on_shutdown(_forget_executor)  # at once, where the default context is shut down already
+    return executor
 
 
 def _forget_executor() -> None:

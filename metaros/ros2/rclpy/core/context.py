@@ -52,7 +52,7 @@ class Context:
     def __init__(self) -> None:
         self._lock = threading.RLock()
         self._callbacks: list[Callable[[], Callable[[], object] | None]] = []
-        self._wakers: list[Callable[[], object]] = []
+        self._wakers: dict[object, Callable[[], object]] = {}
         self._nodes: list[weakref.ref[Any]] = []
         self._doomed: deque[Any] = deque()
         self._handle: ContextHandle | None = None
@@ -109,49 +109,50 @@ class Context:
         """
         if self._arguments is None:
             raise RuntimeError("Context must be initialized before it can be shutdown: call init() first")
-        with self._lock:
-            if self._shut:
-                raise RCLError("failed to shutdown: the context was shut down already; try_shutdown() does not mind")
-            self._end()
+        if not self._end():
+            raise RCLError("failed to shutdown: the context was shut down already; try_shutdown() does not mind")
 
     def try_shutdown(self) -> None:
         """The same where there is something to shut down, else nothing."""
-        with self._lock:
-            if self._arguments is not None and not self._shut:
-                self._end()
+        if self._arguments is not None:
+            self._end()
 
     def destroy(self) -> None:
         """Free what is left of it."""
         self.try_shutdown()
 
-    def _end(self) -> None:
-        self._shut = self._over = True
+    def _end(self) -> bool:
+        """False where somebody else has ended it, or is about to. Callbacks and nodes may need the lock elsewhere."""
+        with self._lock:
+            if self._shut:
+                return False
+            self._shut = self._over = True
+            callbacks, self._callbacks = self._callbacks, []
+            nodes, self._nodes = self._nodes, []
         _living.discard(self)
         self._wake()
-        callbacks, self._callbacks = self._callbacks, []
         for reference in callbacks:
             callback = reference()
             if callback is not None:
                 callback()
-        for node in [reference() for reference in self._nodes]:
+        for node in [reference() for reference in nodes]:
             if node is not None:
                 with suppress(InvalidHandle):  # it was destroyed meanwhile
                     node._destroy_with_context()
-        self._nodes.clear()
         if self._handle is not None:
             self._handle.close()
+        return True
 
     def on_shutdown(self, callback: Callable[[], object]) -> None:
         """Call `callback()` at the shutdown; at once where that is over. Bound methods are referred to weakly."""
         if not callable(callback):
             raise TypeError(f"callback should be a callable, got {type(callback)}")
         with self._lock:
-            if self._shut:
-                callback()
-            elif isinstance(callback, MethodType):
-                self._callbacks.append(weakref.WeakMethod(callback, self._forget))
-            else:
-                self._callbacks.append(lambda: callback)
+            if not self._shut:
+                weak = isinstance(callback, MethodType)
+                self._callbacks.append(weakref.WeakMethod(callback, self._forget) if weak else lambda: callback)
+                return
+        callback()
 
     def _forget(self, reference: Any) -> None:
         with suppress(ValueError):
@@ -172,10 +173,11 @@ class Context:
 
         It may run in a signal's handler, in the middle of anything: it must take no lock.
         """
-        self._wakers = [*self._wakers, waker]
+        key = object()
+        self._wakers[key] = waker
 
         def stop() -> None:
-            self._wakers = [other for other in self._wakers if other is not waker]
+            self._wakers.pop(key, None)
 
         return stop
 
@@ -188,7 +190,7 @@ class Context:
         handle = self._handle
         if handle is not None:
             handle.ingress.wake()
-        for waker in self._wakers:
+        for waker in list(self._wakers.values()):
             waker()
 
     # -- what nodes need -------------------------------------------------------------------------------------------

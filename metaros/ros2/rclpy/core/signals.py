@@ -38,7 +38,7 @@ class _Installed:
     """What was there before, by signal."""
 
     def __init__(self) -> None:
-        self.lock = threading.Lock()
+        self.lock = threading.RLock()  # a program's own handler may shut down, and uninstall, in the middle of anything
         self.before: dict[signal.Signals, Any] = {}
         self.options = SignalHandlerOptions.NO
 

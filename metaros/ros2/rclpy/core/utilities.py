@@ -29,7 +29,7 @@ class _Default:
     """The context of programs that name none."""
 
     def __init__(self) -> None:
-        self.lock = threading.Lock()
+        self.lock = threading.RLock()  # a program's handler of signals may ask in the middle of anything
         self.context: Context | None = None
 
 

@@ -55,7 +55,7 @@ class Rosout:
     """By logger's name. Thread-safe; of two nodes of one name the later one publishes."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a logger that is collected calls `remove_child` in the middle of anything
         self._entries: dict[str, _Entry] = {}
 
     def attach(self, node: Any) -> None:
@@ -78,7 +78,8 @@ class Rosout:
     def detach(self, node: Any) -> None:
         """It is gone, and its loggers publish no more."""
         with self._lock:
-            self._entries = {name: entry for name, entry in self._entries.items() if entry.node is not node}
+            for name in [name for name, entry in list(self._entries.items()) if entry.node is node]:
+                self._entries.pop(name, None)
 
     def knows(self, name: str) -> bool:
         """Whether a logger of that name has a node."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -10,10 +11,11 @@ import pytest
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.node import Node
 from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
-from metaros.ros2.rclpy.logging import loggers
-from metaros.ros2.rclpy.logging.rosout import ROSOUT
+from metaros.ros2.rclpy.logging import loggers, rosout
+from metaros.ros2.rclpy.logging.rosout import ROSOUT, Rosout
 from metaros.ros2.rclpy.logging.severity import LoggingSeverity
 from metaros.ros2.rosidl.catalogue import interface
+from tests.support.nodes.threads import on_thread
 from tests.support.waiting import wait_until
 
 Heard = Callable[[str], list[Any]]
@@ -101,3 +103,23 @@ def test_a_node_without_rosout_is_silent_there(rclpy_context: Context) -> None:
     with Node("mute", context=rclpy_context, enable_rosout=False) as node:
         assert node.get_logger().info("to the terminal alone")
         assert node.get_publishers_info_by_topic("/rosout") == []
+
+
+def test_a_logger_may_be_collected_in_the_middle_of_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its `__del__` removes it, on the thread where the garbage collector happens to run."""
+    table, node = Rosout(), SimpleNamespace(abandoned=False)
+    table._entries["voice"] = rosout._Entry(node)
+    assert table.add_child("voice", "old")
+
+    class Entry(rosout._Entry):
+        def __init__(self, node: Any) -> None:
+            super().__init__(node)
+            table.remove_child("voice.old")
+
+    monkeypatch.setattr(rosout, "_Entry", Entry)
+    thread, raised = on_thread(lambda: table.add_child("voice", "new"))
+    thread.join(10.0)
+    assert (thread.is_alive(), raised) == (False, [])
+    assert (table.knows("voice.old"), table.knows("voice.new")) == (False, True)
+    table.detach(node)
+    assert not table.knows("voice")

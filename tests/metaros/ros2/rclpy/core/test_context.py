@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import pytest
 
+import metaros.ros2.rclpy as rclpy
 from metaros.ros2.rclpy.core import utilities
 from metaros.ros2.rclpy.core.context import Context, living_contexts
 from metaros.ros2.rclpy.core.rcl_errors import RCLInvalidROSArgsError, UnknownROSArgsError
+from tests.support.nodes.threads import on_thread
 
 
 def test_ok_is_between_init_and_shutdown() -> None:
@@ -110,6 +115,44 @@ def test_wakers_are_called_at_the_end_however_it_comes() -> None:
     assert woken == ["shutdown", "_end_by_signal", "_end_by_signal"]
 
 
+def test_no_waker_is_lost_where_threads_begin_and_end_waits() -> None:
+    interval = sys.getswitchinterval()
+    context, woken, done = Context(), [], threading.Event()
+    context.init(args=[])
+    kept = [context.wake_with(lambda: None) for _ in range(50)]  # so that there is something to go through
+
+    def come_and_go() -> None:
+        while not done.is_set():
+            context.wake_with(lambda: None)()
+
+    sys.setswitchinterval(1e-6)
+    try:
+        thread, raised = on_thread(come_and_go)
+        for number in range(500):
+            context.wake_with(lambda number=number: woken.append(number))  # type: ignore[misc]
+        done.set()
+        thread.join(60.0)
+    finally:
+        sys.setswitchinterval(interval)
+    context.shutdown()
+    assert (len(kept), raised, woken) == (50, [], list(range(500)))
+
+
+def test_callbacks_of_the_shutdown_may_wait_for_who_needs_the_context() -> None:
+    context, ended = Context(), []
+    context.init(args=[])
+
+    def wait_for_another() -> None:
+        thread, _ = on_thread(lambda: context.untrack_node(None))
+        thread.join(10.0)
+        ended.append(not thread.is_alive())
+
+    context.on_shutdown(wait_for_another)
+    context.shutdown()
+    context.on_shutdown(wait_for_another)
+    assert ended == [True, True]
+
+
 def test_shutdown_after_a_signal_cleans_up() -> None:
     called = []
     context = Context()
@@ -139,6 +182,33 @@ def test_the_default_context_is_another_after_its_shutdown() -> None:
     other.init(args=[])
     assert utilities.ok(context=other)
     utilities.shutdown(context=other)
+
+
+def test_a_handler_of_signals_may_ask_for_the_default_context_at_any_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    utilities.try_shutdown()
+    asked: list[bool] = []
+
+    def interrupted() -> Context:
+        if not asked:
+            asked.append(True)
+            utilities.try_shutdown()  # as a handler would in the middle of get_default_context()
+        return Context()
+
+    monkeypatch.setattr(utilities, "Context", interrupted)
+    thread, raised = on_thread(utilities.ok)
+    thread.join(10.0)
+    assert (thread.is_alive(), raised) == (False, [])
+
+
+def test_the_global_executor_after_the_default_context_was_shut_down_by_itself() -> None:
+    """Not by `rclpy.shutdown()`, which makes way for another one."""
+    context = utilities.get_default_context()
+    context.init(args=[])
+    context.shutdown()
+    thread, raised = on_thread(rclpy.get_global_executor)
+    thread.join(10.0)
+    assert (thread.is_alive(), raised) == (False, [])
+    utilities.try_shutdown()
 
 
 def test_small_helpers() -> None:
