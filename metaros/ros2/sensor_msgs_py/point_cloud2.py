@@ -31,6 +31,8 @@ __all__ = [
 
 DUMMY_FIELD_PREFIX: Final = "unnamed_field"
 
+_MOST_VALUES: Final = 4096  # of one point: a message of a few bytes may claim four thousand million
+
 _FLOAT32: Final = 7
 _DTYPES: Final = {
     number: np.dtype(name)
@@ -111,6 +113,7 @@ def dtype_from_fields(fields: Iterable[Any], point_step: int | None = None) -> n
     for index, field in enumerate(fields):
         _check(field.datatype in _DTYPES, f"field {field.name!r} has the unknown type {field.datatype}")
         _check(field.count > 0, f"field {field.name!r} has a count of 0")
+        _check(len(names) + field.count <= _MOST_VALUES, f"a point has more than {_MOST_VALUES} values")
         dtype, name = _DTYPES[field.datatype], field.name or f"{DUMMY_FIELD_PREFIX}_{index}"
         for part in range(field.count):
             own = f"{name}_{part}" if field.count > 1 else name

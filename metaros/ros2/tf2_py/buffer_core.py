@@ -224,11 +224,12 @@ class BufferCore:
         """Say so the first time, the second, the fourth …: a broadcaster that is wrong is wrong often."""
         if len(self.__refused) > 1000:
             self.__refused.clear()
-        self.__refused[code, child] += 1
-        count = self.__refused[code, child]
+        about = code, child[: LIMITS.key_chars]
+        self.__refused[about] += 1
+        count = self.__refused[about]
         if count & (count - 1) == 0:
             often = "" if count == 1 else f" ({count} times by now)"
-            _log.warning("%s: a transform of %r from %r is ignored: %s%s", code, child, authority, why, often)
+            _log.warning("%s: a transform of %.512r from %r is ignored: %s%s", code, child, authority, why, often)
 
     def __known(self, where: str, frame: str) -> None:
         if not frame:
@@ -271,6 +272,9 @@ def _nonsense(child: str, parent: str, at: Vector, turned: tuple[float, ...]) ->
         return "TF_NO_CHILD_FRAME_ID", "child_frame_id is empty"
     if not parent:
         return "TF_NO_FRAME_ID", "frame_id is empty"
+    longest = max(len(child), len(parent))
+    if longest > LIMITS.key_chars:
+        return "TF_LONG_FRAME_ID", f"a frame's name has at most {LIMITS.key_chars} characters, not {longest}"
     if any(map(math.isnan, (*at, *turned))):
         return "TF_NAN_INPUT", f"a number in {at} {turned} is none"
     if not abs(sum(part * part for part in turned) - 1.0) < _NORM_TOLERANCE:

@@ -126,6 +126,7 @@ def test_what_does_not_fit_is_an_assertion_error() -> None:
         "does not match": lambda: point_cloud2.create_cloud(header(), [field("x", 0)], padded, 4),
         "are called": lambda: point_cloud2.dtype_from_fields([field("x", 0), field("x", 4)]),
         "count of 0": lambda: point_cloud2.dtype_from_fields([field("x", 0, count=0)]),
+        "more than 4096 values": lambda: point_cloud2.dtype_from_fields([field("x", 0, count=2**32 - 1)]),
         "unknown type": lambda: point_cloud2.dtype_from_fields([field("x", 0, datatype=9)]),
         "too few": lambda: point_cloud2.read_points(short),
         "columns": lambda: point_cloud2.create_cloud_xyz32(header(), XYZ[:, :2]),

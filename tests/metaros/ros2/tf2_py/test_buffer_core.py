@@ -102,11 +102,13 @@ def test_nonsense_is_refused(caplog: pytest.LogCaptureFixture) -> None:
         "TF_NO_FRAME_ID": edge("", "a"),
         "TF_NAN_INPUT": edge("a", "b", x=math.nan),
         "TF_DENORMALIZED_QUATERNION": edge("a", "b", turned=(0.0, 0.0, 0.0, 1.1)),
+        "TF_LONG_FRAME_ID": edge("a", "b" * 1_000_000),
     }
     buffer = BufferCore()
     for message in cases.values():
         buffer.set_transform(message, "tests")
     assert [record.args[0] for record in caplog.records if record.args] == list(cases)  # type: ignore[index]
+    assert max(len(record.getMessage()) for record in caplog.records) < 1000
     assert buffer._getFrameStrings() == []
     assert buffer.all_frames_as_yaml() == "[]"
 
