@@ -36,11 +36,13 @@ from metaros.ros2.rclpy.core.service_introspection import ServiceIntrospectionSt
 from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
 from metaros.ros2.rclpy.execution.inbox import Inbox
 from metaros.ros2.rclpy.execution.waitable import NumberOfEntities, Waitable
+from metaros.ros2.rclpy.names.constants import S_TO_NS
 from metaros.ros2.rclpy.qos.profile import (
     QoSProfile,
     qos_profile_action_status_default,
     qos_profile_services_default,
 )
+from metaros.ros2.rclpy.time.clock_state import Jump, Watcher
 
 __all__ = [
     "ActionServer",
@@ -62,7 +64,7 @@ class ActionServer(Waitable[Any]):
     """Runs `execute_callback(goal_handle)`, plain or `async def`, for the goals that `goal_callback(goal)` accepts.
 
     The callback ends the goal by `goal_handle.succeed()`, `abort()` or `canceled()`, and returns the Result; a goal
-    that it leaves, or fails in, is aborted. `result_timeout` is in seconds, by the system's clock.
+    that it leaves, or fails in, is aborted. `result_timeout` is in seconds, by the node's clock.
     """
 
     __class_getitem__: Any = classmethod(GenericAlias)
@@ -95,6 +97,7 @@ class ActionServer(Waitable[Any]):
         self._goals = GoalTable(keep_s=max(0.0, float(result_timeout)), limit=LIMITS.action_goals)
         self._goal_handles: dict[bytes, ServerGoalHandle] = {}
         self._timer: Timer | None = None
+        self._clock_state = node.get_clock().handle
         self._destroyed = False
         self._execute_callback: Callable[[ServerGoalHandle], Any] | None = None
         self.register_handle_accepted_callback(handle_accepted_callback)
@@ -119,6 +122,10 @@ class ActionServer(Waitable[Any]):
             group=self.callback_group,
         )
         node.add_waitable(self)
+        self._watcher = Watcher(
+            on_clock_change=True, min_forward_ns=1, min_backward_ns=-1, before=None, after=self._time_jumped
+        )
+        self._clock_state.watch(self._watcher)
 
     @property
     def action_type(self) -> type[Any]:
@@ -204,13 +211,20 @@ class ActionServer(Waitable[Any]):
             self._set_result(goal_handle, result)
 
     def _now_s(self) -> float:
-        return self._node.handle.clock.monotonic_s()
+        state = self._clock_state
+        return self._node.handle.clock.monotonic_s() if state.runs else state.now_ns() / S_TO_NS
+
+    def _time_jumped(self, jump: Jump) -> None:
+        """Simulated time goes on in jumps, which no timer of the node counts."""
+        due_s = self._goals.next_expiry_s()
+        if due_s is not None and (jump.of_source or due_s <= self._now_s()):
+            self._look_again()
 
     def notify_goal_done(self) -> None:
         """A goal reached its end: its result will have to be forgotten."""
         with self._lock:
             due_s = self._goals.next_expiry_s()
-            if self._timer is None and due_s is not None and not self._destroyed:
+            if self._timer is None and due_s is not None and self._clock_state.runs and not self._destroyed:
                 with suppress(UsageError):  # the node was destroyed
                     wait_s = max(_SOON_S, due_s - self._now_s())
                     self._timer = self._node.handle.create_timer(wait_s, self._look_again)
@@ -229,6 +243,7 @@ class ActionServer(Waitable[Any]):
             gone = self._goals.expire(self._now_s())
             for goal in gone:
                 self._goal_handles.pop(goal.goal_id, None)
+                goal.payload.destroy()
         if gone:
             self._publish_status()
 
@@ -349,6 +364,7 @@ class ActionServer(Waitable[Any]):
             if self._destroyed:
                 return
             self._destroyed = True
+            self._clock_state.forget(self._watcher)
             if self._timer is not None:
                 self._timer.cancel()
         for goal_handle in self._goal_handles.values():

@@ -20,9 +20,9 @@ def wait_for_message(
     msg_type: type[Any],
     node: Node,
     topic: str,
+    time_to_wait: float = -1,
     *,
     qos_profile: QoSProfile | int = 1,
-    time_to_wait: float = -1,
 ) -> tuple[bool, Any]:
     """Wait for the next message, for so many seconds or, where that is negative, until the context is shut down.
 

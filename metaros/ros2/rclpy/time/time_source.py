@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from typing import Any, Final
 
+from metaros.ros2.rclpy.execution.callback_groups import MutuallyExclusiveCallbackGroup
 from metaros.ros2.rclpy.parameters.value import Parameter
 from metaros.ros2.rclpy.qos.policies import ReliabilityPolicy
 from metaros.ros2.rclpy.qos.profile import QoSProfile
@@ -99,7 +100,10 @@ class TimeSource:
         if self._clock_sub is None and node is not None:
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             clock = interface("rosgraph_msgs/msg/Clock")
-            self._clock_sub = node.create_subscription(clock, CLOCK_TOPIC, self.clock_callback, qos)
+            group = MutuallyExclusiveCallbackGroup()  # of its own: callbacks of the node may wait for time to pass
+            self._clock_sub = node.create_subscription(
+                clock, CLOCK_TOPIC, self.clock_callback, qos, callback_group=group
+            )
 
     def _unsubscribe(self) -> None:
         subscription, self._clock_sub = self._clock_sub, None

@@ -18,7 +18,10 @@ from metaros.ros2.rclpy.core.service_introspection import ServiceIntrospectionSt
 from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
 from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 from metaros.ros2.rclpy.execution.task import Future
+from metaros.ros2.rclpy.parameters.value import Parameter
 from metaros.ros2.rclpy.qos.profile import QoSProfile, qos_profile_system_default
+from metaros.ros2.rclpy.time.clock import ROSClock
+from metaros.ros2.rclpy.time.time import Time
 from metaros.ros2.rosidl.catalogue import interface
 from tests.metaros.ros2.action.conftest import WAIT_S, Spun
 
@@ -297,6 +300,28 @@ def test_results_are_forgotten(client: PlainClient, serve: Serve, fibonacci: Any
     client.spun.while_not(lambda: not server._goal_handles)
     client.spun.while_not(lambda: not client.status)
     assert client.result(ids[0])[0] == STATUS.STATUS_UNKNOWN
+
+
+def test_results_are_forgotten_by_the_time_of_a_simulation(
+    spun: Spun, client: PlainClient, serve: Serve, fibonacci: Any
+) -> None:
+    assert spun.node.set_parameters([Parameter("use_sim_time", value=True)])[0].successful
+    clock = spun.node.get_clock()
+    assert isinstance(clock, ROSClock)
+    kept: list[ServerGoalHandle] = []
+
+    def execute(goal_handle: ServerGoalHandle) -> Any:
+        kept.append(goal_handle)
+        goal_handle.succeed()
+        return fibonacci.Result()
+
+    server = serve(execute, result_timeout=10)
+    goal_id = client.send()
+    assert client.result(goal_id)[0] == kept[0].status == STATUS.STATUS_SUCCEEDED
+    for seconds, left in ((9.999, 1), (10.0, 0)):
+        clock.set_ros_time_override(Time(nanoseconds=int(seconds * 1e9), clock_type=clock.clock_type))
+        assert len(server._goal_handles) == left
+    assert kept[0].status == STATUS.STATUS_UNKNOWN
 
 
 def test_what_a_goal_callback_raises_comes_out_of_spin_and_the_client_is_told(

@@ -9,7 +9,9 @@ import pytest
 
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.node import Node
+from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
 from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
+from metaros.ros2.rclpy.execution.task import Future
 from metaros.ros2.rclpy.parameters.value import Parameter
 from metaros.ros2.rclpy.time.clock import Clock, JumpThreshold, ROSClock
 from metaros.ros2.rclpy.time.clock_type import ClockChange, ClockType
@@ -96,6 +98,24 @@ def test_timers_of_a_node_run_by_the_simulation(node: Node, executor: SingleThre
         _say(node, executor, seconds)
         executor.spin_once(timeout_sec=0)
     assert calls == [2, 5]
+
+
+def test_a_callback_may_await_what_the_simulation_brings(node: Node, executor: SingleThreadedExecutor) -> None:
+    assert _use_sim_time(node, True)
+    later, group = Future[Any](), ReentrantCallbackGroup()
+    node.create_timer(2, lambda: later.set_result("later"), callback_group=group)
+    heard = list[Any]()
+
+    async def wait() -> None:
+        heard.append(await later)
+
+    guard = node.create_guard_condition(wait)  # in the node's own group, which it holds meanwhile
+    guard.trigger()
+    executor.spin_once(timeout_sec=0)
+    _say(node, executor, 2)
+    for _ in range(2):
+        executor.spin_once(timeout_sec=0)
+    assert heard == ["later"]
 
 
 def test_what_cannot_be_attached_or_set(node: Node) -> None:
