@@ -40,6 +40,7 @@ class Agenda:
         self.entries: deque[Work | Task[Any]] = deque()  # what `pop` gives out; others only ask whether there is any
         self._parked: list[Mailbox] = []  # with items, while their group is busy
         self._tasks_came = False  # alone, the last time
+        self._asks = False  # whether a waitable or a group must be asked again, as neither tells of itself
         self._handed: dict[
             int, Work
         ] = {}  # by the id of sources that handlers will run, which are not given out meanwhile
@@ -147,9 +148,11 @@ class Agenda:
                     return None
             else:
                 self._tasks_came = False
+            self._asks = False
             for handle, node in self._nodes.items():
                 for waitable in node.waitables:
                     if not getattr(waitable, "_by_mail", False):
+                        self._asks = True
                         self._gather_waitables(node, executor, found, waits)
                         break
                 self._gather_timers(handle, node, found, waits)
@@ -177,13 +180,13 @@ class Agenda:
             self.entries.extendleft(reversed(found))
             self.due_s = time.monotonic() + min(waits) if waits else None
 
-    @staticmethod
-    def _choose(work: Work, found: list[Any], waits: list[float]) -> bool:
+    def _choose(self, work: Work, found: list[Any], waits: list[float]) -> bool:
         """Take it where its group lets it run, else look again soon: no group has to tell when it does."""
         if work.allowed():
             found.append(work)
             return True
         waits.append(_GROUP_S)
+        self._asks = True
         return False
 
     def _gather_tasks(self, found: list[Work | Task[Any]], waits: list[float]) -> None:
@@ -210,13 +213,15 @@ class Agenda:
             elif id(timer) not in self._handed:
                 self._choose(TimerWork(timer, timer.callback_group, node), found, waits)
         own = handle.timers
-        while (due_s := own.next_due_s()) is not None:
-            now_s = own.now_s()
-            if due_s > now_s:
-                if not own.paused:
-                    waits.append(due_s - now_s)
-                return
-            found.append(NativeTimerWork(own.pop_due(), None, node))
+        due_s = own.next_due_s()
+        if due_s is None:
+            return
+        now_s = own.now_s()
+        while (due := own.pop_due(now_s)) is not None:  # each once: what is due again meanwhile comes the next time
+            found.append(NativeTimerWork(due, None, node))
+        due_s = own.next_due_s()
+        if due_s is not None and not own.paused:
+            waits.append(due_s - now_s)
 
     def _gather_waitables(self, node: Any, executor: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
         asked = []
@@ -235,6 +240,34 @@ class Agenda:
         if patience_s is not None:
             waits.append(patience_s)
         found.extend(work for work in asked if work.source.is_ready(wait_set))
+
+    def next_mail(self) -> MailWork | None:
+        """The one mailbox with items, where that is plainly next: no tasks, nothing to be asked, nothing that waits.
+
+        Whoever asks knows that no timer is due, and that nobody said that anything else became ready.
+        """
+        with self._lock:
+            queue = self.queue
+            if self._tasks or self._polls or self._parked or self._asks or queue.woken:
+                return None
+            ingress = self.ingress()
+            if ingress is None:
+                return None
+            ingress.collect()
+            if len(queue.ready) != 1 or type(queue.ready[0]) is InboxMail:
+                return None
+            mailbox, *others = ingress.take_ready(queue)
+            for other in others:  # it came this very moment
+                ingress.requeue(other)
+            node: Any = self._nodes.get(mailbox.owner)
+            if node is None or not mailbox.pending or mailbox.busy:
+                ingress.requeue(mailbox)
+                return None
+            work = MailWork(mailbox, mailbox.group, node)
+            if work.allowed():
+                return work
+            self._parked.append(mailbox)
+            return None
 
     def _gather_mail(self, found: list[Work | Task[Any]], waits: list[float]) -> None:
         ingress = self.ingress()

@@ -7,14 +7,16 @@ from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
 from metaros.executor.interrupts import interrupts
-from metaros.ros2.rclpy.execution.executor_core import ExecutorCore, HandlerTask, never, seconds
+from metaros.ros2.rclpy.execution.executor_core import ExecutorCore, never, seconds
 from metaros.ros2.rclpy.execution.executor_errors import ConditionReachedException, ShutdownException, TimeoutObject
+from metaros.ros2.rclpy.execution.handler_task import HandlerTask
 from metaros.ros2.rclpy.execution.task import Future, Task
 from metaros.ros2.rclpy.execution.work import MailWork, Work
 
 __all__ = ["SLICED", "Executor"]
 
 _SLICE: Final = 64  # items of one mailbox before timers and the others have their turn
+_QUICK: Final = 16  # messages that come alone, one after another, before a look at everything
 SLICED: Final[set[Any]] = set()  # methods of executors that slices can stand in for
 
 
@@ -91,7 +93,7 @@ class Executor(ExecutorCore):
             entry: Work | Task[Any] | None = self._next(None)
         except (ShutdownException, ConditionReachedException):
             return
-        progress = self._progress
+        progress, quick = self._progress, _QUICK
         outer, progress.spinner = progress.spinner, self._thread
         try:
             while entry is not None:
@@ -100,7 +102,13 @@ class Executor(ExecutorCore):
                     return
                 if agenda.due_s is not None and time.monotonic() >= agenda.due_s:
                     agenda.gather_timers()
-                entry = self._pop() if agenda.entries else None
+                if agenda.entries:
+                    entry = self._pop()
+                elif quick:
+                    quick -= 1
+                    entry = self._next_mail()
+                else:
+                    return
         finally:
             progress.spinner = outer
             if progress.waiting:

@@ -25,11 +25,12 @@ from metaros.ros2.rclpy.execution.executor_errors import (
     TimeoutException,
     TimeoutObject,
 )
+from metaros.ros2.rclpy.execution.handler_task import HandlerTask, Waiter
 from metaros.ros2.rclpy.execution.progress import WorkInProgress
 from metaros.ros2.rclpy.execution.task import Future, Task
 from metaros.ros2.rclpy.execution.work import Work
 
-__all__ = ["ExecutorCore", "HandlerTask", "never", "seconds"]
+__all__ = ["ExecutorCore", "never", "seconds"]
 
 E = TypeVar("E", bound="ExecutorCore")
 
@@ -37,36 +38,6 @@ E = TypeVar("E", bound="ExecutorCore")
 def never() -> bool:
     """The condition that ends no wait."""
     return False
-
-
-class Waiter:
-    """What a future wakes when it is over: an executor, without keeping it alive."""
-
-    __slots__ = ("_executor",)
-
-    def __init__(self, executor: ExecutorCore) -> None:
-        self._executor = weakref.ref(executor)
-
-    def _wake_up(self) -> None:
-        if (executor := self._executor()) is not None:
-            executor.wake()
-
-
-class HandlerTask(Task[None]):
-    """One run of something ready, to its end if it awaits: what `wait_for_ready_callbacks` gives out."""
-
-    def __init__(self, handler: Any, work: Work, executor: ExecutorCore, *, args: tuple[Any, ...] = ()) -> None:
-        super().__init__(handler, args, executor=executor)
-        self.node = work.node
-        self.work = work
-        self._progress = executor._progress
-
-    def __call__(self) -> None:
-        """Run it, or go on; shutting down waits meanwhile."""
-        with self._progress:
-            super().__call__()
-        if self._over() and (executor := self._living_executor()) is not None:
-            executor._forget_task(self)  # type: ignore[attr-defined]
 
 
 class ExecutorCore:
@@ -86,6 +57,7 @@ class ExecutorCore:
         self._depth = 0  # spins within each other, on one thread
         self._spins_on = False  # by `spin`, until the end
         self._thread: int | None = None
+        self._stirred = False  # whether it was told to look around since it last did
         self._asleep = False  # from before the last look at what is ready until the end of the wait
         self._waiter = Waiter(self)
         self._wakeup = Wakeup()  # for waits without nodes
@@ -230,7 +202,7 @@ class ExecutorCore:
         """The next that may run; waits for it. TimeoutException, ShutdownException … where there is none."""
         timeout_s = None if timeout_sec is None else seconds(timeout_sec)
         end_s = None if timeout_s is None else time.monotonic() + timeout_s
-        agenda = self._agenda
+        agenda, waited = self._agenda, False
         while True:
             if self._is_shutdown:
                 raise ShutdownException
@@ -243,6 +215,10 @@ class ExecutorCore:
             self._asleep = True  # whatever becomes ready from now on ends the wait below
             if not self._context.ok():
                 raise ExternalShutdownException
+            if waited and nodes is None and (mail := self._next_mail()) is not None:
+                self._asleep = False
+                return mail
+            self._stirred = False
             first = agenda.gather(self)
             if first is not None:
                 if nodes is None or first.node in nodes:
@@ -252,6 +228,7 @@ class ExecutorCore:
             if agenda.entries and (entry := self._pop(nodes)) is not None:
                 self._asleep = False
                 return entry
+            waited = True
             if end_s is None and agenda.due_s is None:
                 self._wait(None)
                 continue
@@ -259,6 +236,13 @@ class ExecutorCore:
             if end_s is not None and now_s >= end_s:
                 raise TimeoutException
             self._wait(max(0.0, min(until_s - now_s for until_s in (end_s, agenda.due_s) if until_s is not None)))
+
+    def _next_mail(self) -> Work | None:
+        """A message that came alone, where nothing else can have become ready since the last look."""
+        agenda = self._agenda
+        if self._stirred or (agenda.due_s is not None and time.monotonic() >= agenda.due_s):
+            return None
+        return agenda.next_mail()
 
     def _pop(self, nodes: Collection[Any] | None = None) -> Work | Task[Any] | None:
         """The next that may run now; tasks that were cancelled are forgotten on the way."""
@@ -277,6 +261,7 @@ class ExecutorCore:
 
     def wake(self) -> None:
         """Have it look around; from any thread, and from handlers of signals."""
+        self._stirred = True
         if self._asleep:
             self._wakeup.set()
             ingress = self._agenda.ingress()

@@ -25,6 +25,8 @@ from metaros.ros2.rclpy.execution.executors import (
 )
 from metaros.ros2.rclpy.execution.inbox import Inbox
 from metaros.ros2.rclpy.execution.task import Future
+from metaros.ros2.rclpy.execution.wait_set import WaitSet
+from metaros.ros2.rclpy.execution.waitable import NumberOfEntities, Waitable
 from metaros.ros2.rosidl.catalogue import interface
 from tests.support.nodes.threads import on_thread
 from tests.support.waiting import wait_until
@@ -234,6 +236,82 @@ def test_only_of_some_nodes(node: Node, executor: SingleThreadedExecutor, rclpy_
         assert owner is chosen
     assert calls == ["other", "node"]
     other.destroy_node()
+
+
+class Asked(Waitable[None]):
+    """Ready where `wanted` says so, of which nobody is told."""
+
+    wanted = False
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """None."""
+        return NumberOfEntities()
+
+    def add_to_wait_set(self, wait_set: WaitSet) -> None:
+        """Nothing to be added."""
+
+    def is_ready(self, wait_set: WaitSet) -> bool:
+        """Once."""
+        return self.wanted
+
+    def take_data(self) -> None:
+        """It is not ready again."""
+        self.wanted = False
+
+    async def execute(self, data: None) -> None:
+        """Tell."""
+        self.tell()
+
+    def tell(self) -> None:
+        """Set by the test."""
+
+
+@pytest.mark.parametrize("what", ["guard", "timer", "native timer", "task", "waitable"])
+def test_messages_one_after_another_keep_nothing_waiting(
+    node: Node, executor: SingleThreadedExecutor, what: str
+) -> None:
+    string = interface("std_msgs/msg/String")
+    executor.add_node(node)
+    publisher = node.create_publisher(string, "chain", 10)
+    heard, seen_at, ended = 0, list[int](), Future[None]()
+    guard = node.create_guard_condition(lambda: seen_at.append(heard))
+    asked = Asked(node.default_callback_group)
+    asked.tell = lambda: seen_at.append(heard)  # type: ignore[method-assign]
+    if what == "waitable":
+        node.add_waitable(asked)
+
+    def begin() -> None:
+        if what == "guard":
+            guard.trigger()
+        elif what == "timer":
+            node.create_timer(0.0, lambda: seen_at.append(heard))
+        elif what == "native timer":
+            node.handle.create_timer(1e-9, lambda: seen_at.append(heard))
+        elif what == "task":
+            executor.create_task(lambda: seen_at.append(heard))
+        else:
+            asked.wanted = True
+
+    def hear(_: Any) -> None:
+        nonlocal heard
+        heard += 1
+        if heard == 5:
+            begin()
+        if heard < 30:
+            publisher.publish(string())
+        else:
+            ended.set_result(None)
+            executor.wake()
+
+    node.create_subscription(string, "chain", hear, 10)
+    publisher.publish(string())
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    wait_until(ended.done)
+    executor.shutdown()
+    thread.join()
+    assert seen_at, what
+    assert seen_at[0] <= 7, (what, seen_at[:3])
 
 
 class Bucket(CallbackGroup):
