@@ -37,6 +37,7 @@ class Runner:
         self._visit = visit
         self._out = out
         self._tasks: set[asyncio.Task[None]] = set()
+        self._beside: set[asyncio.Future[Any]] = set()  # what nobody need wait for
         self._processes: dict[Any, Process] = {}
         self._timeouts_s: dict[Any, tuple[float, ...]] = {}
         self._numbers = 0
@@ -63,11 +64,15 @@ class Runner:
     # -- beside the rest -------------------------------------------------------------------------------------------
 
     def run_beside(self, action: Any, work: Awaitable[Any]) -> None:
-        """Await it while the launch goes on; it is cancelled at the end."""
+        """Await it while the launch goes on; it is cancelled when that is to end."""
+
+        awaited = asyncio.ensure_future(work)
+        self._beside.add(awaited)
+        awaited.add_done_callback(self._beside.discard)
 
         async def run() -> None:
             try:
-                await work
+                await awaited
             except Exception as error:
                 self.say("ERROR", "launch", f"{type(error).__name__}: {error}")
             self.emit(ExecutionComplete(action=action))
@@ -206,6 +211,8 @@ class Runner:
             self._ending.set()
             for action in list(self._processes):
                 self.end(action)
+            for awaited in list(self._beside):
+                awaited.cancel()
 
     def at_end(self, call: Callable[[], object]) -> None:
         """Call this when nothing runs any more."""

@@ -16,6 +16,7 @@ __all__ = ["follow"]
 CONFIGURE: Final = 1  # of lifecycle_msgs/msg/Transition
 ACTIVATE: Final = 3
 _WAIT_S: Final = 60.0
+_LOOK_S: Final = 0.05
 
 
 def follow(action: Any, context: Any, *, autostart: bool) -> None:
@@ -33,7 +34,7 @@ def follow(action: Any, context: Any, *, autostart: bool) -> None:
     client = node.create_client(ChangeStateService, f"{name}/change_state")
 
     async def ask(transition: int) -> bool:
-        if not await asyncio.to_thread(client.wait_for_service, _WAIT_S):
+        if not await _ready(client):
             context.runner.say("ERROR", name, f"no lifecycle node of that name within {_WAIT_S:g} s")
             return False
         request = ChangeStateService.Request()
@@ -63,6 +64,15 @@ def follow(action: Any, context: Any, *, autostart: bool) -> None:
             return []
 
         context.register_event_handler(OnProcessStart(target_action=action, on_start=on_start, handle_once=True))
+
+
+async def _ready(client: Any) -> bool:
+    """Whether the service is there in time. No thread waits, for which the launch would have to wait at its end."""
+    for _ in range(round(_WAIT_S / _LOOK_S)):
+        if client.service_is_ready():
+            return True
+        await asyncio.sleep(_LOOK_S)
+    return bool(client.service_is_ready())
 
 
 class _OnChange(EventHandler):

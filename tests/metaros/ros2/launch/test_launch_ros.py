@@ -11,11 +11,20 @@ from typing import Any
 import pytest
 import yaml
 
+from metaros.clock import SystemClock
 from metaros.ros2.launch import LaunchContext, LaunchDescription, LaunchService
-from metaros.ros2.launch.actions import GroupAction, SetLaunchConfiguration
+from metaros.ros2.launch.actions import (
+    EmitEvent,
+    GroupAction,
+    OpaqueFunction,
+    SetLaunchConfiguration,
+    Shutdown,
+    TimerAction,
+)
 from metaros.ros2.launch.substitutions import LaunchConfiguration, SubstitutionFailure
 from metaros.ros2.launch_ros.actions import (
     ComposableNodeContainer,
+    LifecycleNode,
     Node,
     PushRosNamespace,
     SetParameter,
@@ -23,6 +32,8 @@ from metaros.ros2.launch_ros.actions import (
     SetRemap,
 )
 from metaros.ros2.launch_ros.descriptions import ParameterFile, ParameterValue
+from metaros.ros2.launch_ros.events.lifecycle import ChangeState
+from metaros.ros2.launch_ros.lifecycle import follow
 from metaros.ros2.launch_ros.substitutions import ExecutableInPackage
 
 
@@ -132,3 +143,25 @@ def test_an_executable_of_a_package_and_what_is_left_out(tmp_path: Path, monkeyp
     assert any("ComposableNodeContainer" in line for line in lines)
     with pytest.raises(SubstitutionFailure, match="pkg"):
         ExecutableInPackage("nobody", "pkg").perform(LaunchContext())
+
+
+def test_a_lifecycle_node_that_never_comes_does_not_hold_up_the_end(
+    ros2_router: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("METAROS_ZENOH_PORT", ros2_router)
+    ghost = LifecycleNode(name="ghost", namespace="/launched", executable="none")
+    asked = EmitEvent(event=ChangeState(lifecycle_node_matcher=lambda action: action is ghost, transition_id=1))
+    lines: list[str] = []
+    service = LaunchService(out=lines.append)
+    service.include_launch_description(
+        LaunchDescription(
+            [
+                OpaqueFunction(function=lambda context: follow(ghost, context, autostart=False)),
+                asked,
+                TimerAction(period=0.1, actions=[Shutdown(reason="enough")]),
+            ]
+        )
+    )
+    begun_s = SystemClock.monotonic_s()
+    assert (service.run(), lines) == (0, [])
+    assert SystemClock.monotonic_s() - begun_s < 30.0  # of the 60 that it waits for the node

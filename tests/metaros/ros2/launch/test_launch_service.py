@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import sys
@@ -171,6 +172,20 @@ def test_respawn_timers_and_coroutines() -> None:
         OpaqueCoroutine(coroutine=greet), TimerAction(period=0.001, actions=[LogInfo(msg="later")]), LogInfo(msg="now")
     )
     assert (code, lines[0], sorted(lines[1:])) == (0, *said("now"), said("from a coroutine", "later"))
+
+
+def test_a_coroutine_does_not_hold_up_the_end() -> None:
+    ended = []
+
+    async def work(context: Any) -> None:
+        try:
+            await asyncio.wait_for(asyncio.get_running_loop().create_future(), 10.0)
+        finally:
+            ended.append(True)
+
+    code, lines = run(OpaqueCoroutine(coroutine=work), TimerAction(period=0.01, actions=[Shutdown(reason="enough")]))
+    assert (code, lines, ended) == (0, [], [True])
+    assert run(OpaqueCoroutine(coroutine=work), Shutdown(reason="at once")) == (0, [])
 
 
 def test_files_are_included_with_arguments_and_know_where_they_are(tmp_path: Path) -> None:
