@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from metaros.errors import DefinitionError
-from metaros.idl import Catalogue, FieldType
+from metaros.idl import Catalogue, FieldType, MessageDefinition
+from metaros.idl.derived import derived_definitions
 
 __all__ = ["CODES", "HEADER_BYTES", "Order", "Position", "check_size", "least_bytes", "size_of"]
 
@@ -65,7 +66,18 @@ class Position:
 
 
 def check_size(name: str, catalogue: Catalogue) -> None:
-    """Refuse a type so large or deep that its inlined code would be: `DefinitionError`."""
+    """Refuse a type so large or deep that its inlined code would be: `DefinitionError`.
+
+    Of a service or an action all messages that belong to it are looked at.
+    """
+    definition = catalogue.get(name)
+    parts = {name: definition} if isinstance(definition, MessageDefinition) else derived_definitions(definition)
+    for part, found in parts.items():
+        if isinstance(found, MessageDefinition):
+            _check_message(part, catalogue)
+
+
+def _check_message(name: str, catalogue: Catalogue) -> None:
     counts: dict[str, int] = {}
 
     def count(kind: FieldType, depth: int) -> int:

@@ -40,6 +40,7 @@ def find_remote_interface(robot: RemoteRobot, type_name: str, type_hash: str = "
 
 def catalogue_of_shape(shape: Mapping[str, Any]) -> Catalogue:
     """The type that a gateway shows, with its parts; TypeHashError where it has not the hash that it is shown with."""
+    from metaros.cdr.layout import check_size
     from metaros.idl import (
         Catalogue,
         MessageDefinition,
@@ -64,6 +65,7 @@ def catalogue_of_shape(shape: Mapping[str, Any]) -> Catalogue:
         raise UnknownTypeError(f"the gateway does not tell all of {name}: {error}") from error
     if actual != shape["type_hash"]:
         raise TypeHashError(f"what the gateway tells of {name} has the hash {actual}, not {shape['type_hash']}")
+    check_size(name, catalogue)
     return catalogue
 
 

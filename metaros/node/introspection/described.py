@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from metaros.cdr.layout import check_size
 from metaros.errors import MetarosError, TypeHashError, UnknownTypeError
 from metaros.idl import (
     Catalogue,
@@ -45,16 +46,20 @@ def learn(name: str, wanted_hash: str, response: Any) -> Catalogue:
     """A catalogue with `name` of what `~/get_type_description` answered, remembered under its hash.
 
     The sources are taken if they suffice, for their constants and defaults, else the described fields.
-    UnknownTypeError where the node does not tell, TypeHashError where what it tells has another hash.
+    UnknownTypeError where the node does not tell, TypeHashError where what it tells has another hash, DefinitionError
+    where that is a type whose mere instances would fill the memory, or that nests too deep.
     """
     parts = _parts(response)
     for definitions in (lambda: _sources(response.type_sources), lambda: _described(parts)):
         try:
             catalogue = _catalogue(definitions)
-            remember(name, catalogue.home(name), hash_text=wanted_hash)
-            return catalogue.home(name)
+            if type_hash(name, catalogue) != wanted_hash:
+                continue
         except (MetarosError, ValueError):
             continue
+        check_size(name, catalogue)
+        remember(name, catalogue.home(name))
+        return catalogue.home(name)
     raise TypeHashError(f"what the node says of {name} does not lead to the hash {wanted_hash}")
 
 
@@ -85,6 +90,7 @@ def learn_action(name: str, hashes: Mapping[str, str], responses: Mapping[str, A
     for part in ACTION_PARTS:
         if actual[part] != hashes[part]:
             raise TypeHashError(f"what the node says of {name}{part} does not lead to the hash {hashes[part]}")
+    check_size(name, catalogue)
     remember_action(name, catalogue)
     return catalogue.home(name)
 
