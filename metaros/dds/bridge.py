@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from cyclonedds.core import DDSException, GuardCondition, ReadCondition, SampleState, ViewState, WaitSet
@@ -22,6 +22,7 @@ from metaros.errors import MetarosError
 from metaros.executor import SingleThreadedExecutor
 from metaros.idl import catalogue_of
 from metaros.idl.globs import Glob
+from metaros.limits import LIMITS
 from metaros.node import Context, Node
 
 __all__ = ["DdsBridge", "DdsOptions"]
@@ -125,7 +126,7 @@ class DdsBridge:
         for key, route in list(self._routes.items()):
             try:
                 more |= route.work()
-            except (MetarosError, DDSException) as error:
+            except Exception as error:  # of one route: the others go on
                 self._warn_once((key, type(error)), f"{route.name}, {route.direction}: {error}")
         return more
 
@@ -140,6 +141,9 @@ class DdsBridge:
             services=self._options.services,
             find=catalogue_of,
         )
+        if self._discovery.left_out:
+            text = f"DDS has more than {LIMITS.graph_entities} endpoints: what came later is not bridged"
+            self._plan = replace(self._plan, problems=(*self._plan.problems, text))
         for key in [key for key, made in self._made.items() if self._plan.routes.get(key) != made]:
             self._close_route(key)
         for key, wanted in self._plan.routes.items():

@@ -18,6 +18,7 @@ from cyclonedds.domain import DomainParticipant
 from metaros.dds.names import parse_topic, parse_type
 from metaros.dds.plan import DdsEndpoint
 from metaros.dds.qos import from_dds
+from metaros.limits import LIMITS
 
 __all__ = ["Discovery"]
 
@@ -26,11 +27,12 @@ _HASH: Final = re.compile(rb"typehash=(RIHS01_[0-9a-f]{64});")
 
 
 class Discovery:
-    """Follows the endpoints of others. Not thread-safe: the bridge's thread calls it."""
+    """Follows up to `LIMITS.graph_entities` endpoints of others. Not thread-safe: the bridge's thread calls it."""
 
     def __init__(self, participant: DomainParticipant) -> None:
         self._own = participant.guid
         self._found: dict[UUID, DdsEndpoint] = {}
+        self.left_out = 0  # endpoints beyond the limit
         self.readers: Final = (
             BuiltinDataReader(participant, BuiltinTopicDcpsPublication),
             BuiltinDataReader(participant, BuiltinTopicDcpsSubscription),
@@ -67,7 +69,11 @@ class Discovery:
         endpoint = DdsEndpoint(
             writes, name.kind, name.name, type_name, _type_hash(item.qos), from_dds(item.qos), item.participant_key
         )
-        changed = self._found.get(item.key) != endpoint
+        known = self._found.get(item.key)
+        if known is None and len(self._found) >= LIMITS.graph_entities:
+            self.left_out += 1
+            return self.left_out == 1
+        changed = known != endpoint
         self._found[item.key] = endpoint
         return changed
 

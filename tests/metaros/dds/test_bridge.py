@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import pytest
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
 
+from metaros.dds import bridge as bridge_module
+from metaros.dds import discovery
+from metaros.dds.plan import RouteKey
+from metaros.dds.report import Direction
 from metaros.errors import PeerError
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 from metaros.interfaces.std_msgs.msg import String
+from metaros.limits import LIMITS
 from metaros.wire import qos_transient_local
 from tests.metaros.dds import dds_types as dds
 from tests.metaros.dds.conftest import LATCHED, Rig
@@ -123,3 +130,44 @@ def test_routes_go_with_who_wanted_them_and_problems_are_told(rig: Rig) -> None:
     assert row(rig, "/two_types", "TO_ROS") is None
     del texts, twists
     wait_until(lambda: not rig.bridge.report().problems)
+
+
+class Broken:
+    """A route with a fault of ours."""
+
+    name, direction = "/broken", Direction.TO_DDS
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def work(self) -> bool:
+        self.asked += 1
+        raise ValueError("a fault")
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_a_route_that_fails_does_not_hold_up_the_others(
+    rig: Rig, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[str] = []
+    rig.node.create_subscription(String, "/beside", lambda message: heard.append(message.data))
+    writer = rig.writer("rt/beside", dds.String)
+    rig.until(lambda: heard, send=lambda: writer.write(dds.String("before")))
+    broken, key, bridge = Broken(), RouteKey(Direction.TO_DDS, "/broken"), rig.bridge
+    bridge._routes = {key: broken, **bridge._routes}  # type: ignore[dict-item]
+    rig.until(lambda: "beside" in heard and broken.asked > 1, send=lambda: writer.write(dds.String("beside")))
+    del bridge._routes[key]
+    assert capfd.readouterr().err.count("/broken, ROS → DDS: a fault") == 1
+    assert "stumbled" not in caplog.text
+
+
+def test_endpoints_beyond_the_limit_are_left_out_and_told(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = replace(LIMITS, graph_entities=len(list(rig.bridge._discovery.endpoints)))
+    for module in (bridge_module, discovery):
+        monkeypatch.setattr(module, "LIMITS", few)
+    writer = rig.writer("rt/one_too_many", dds.String)
+    wait_until(lambda: any("what came later is not bridged" in problem for problem in rig.bridge.report().problems))
+    assert row(rig, "/one_too_many", "TO_ROS") is None
+    del writer
