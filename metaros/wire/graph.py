@@ -11,14 +11,21 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, filterfalse
 from queue import SimpleQueue
 from typing import Final
 
 import zenoh
 
 from metaros.errors import TokenError
-from metaros.wire.liveliness_tokens import EndpointKind, EndpointToken, NodeToken, parse_token, tokens_of_domain
+from metaros.wire.liveliness_tokens import (
+    PREFIX,
+    EndpointKind,
+    EndpointToken,
+    NodeToken,
+    parse_token,
+    tokens_of_domain,
+)
 from metaros.wire.qos import QoSProfile
 from metaros.wire.session import WireSession
 from metaros.wire.thread_state import pin_thread_state
@@ -150,6 +157,8 @@ class Graph:
         self._listeners: list[Callable[[], None]] = []
         self._token_listeners: list[TokenListener] = []
         self._telling: list[int] = []  # threads that tell them of what the state has already
+        self._own = f"{PREFIX}/{session.domain}/{session.zid}/"
+        self._tells_own = False
         self._queue: SimpleQueue[zenoh.Sample | zenoh.Reply | threading.Event | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="metaros-graph", daemon=True)
         self._thread.start()
@@ -180,19 +189,27 @@ class Graph:
     # -- writing ---------------------------------------------------------------------------------------------------
 
     def add_own(self, token: Token) -> None:
-        """Show an entity of this session: Zenoh does not report a session's own tokens."""
+        """Show an entity of this session, at once. What Zenoh reports of such tokens, if it does, comes late.
+
+        It would bring back for a moment what is gone already; from the first call on it is left aside.
+        """
+        self._tells_own = True
         self._apply([(str(token), True)])
 
     def discard_own(self, token: Token) -> None:
         """The reverse of `add_own`."""
         self._apply([(str(token), False)])
 
+    def _is_own(self, key: str) -> bool:
+        """Whether `add_own` and `discard_own` tell of it."""
+        return self._tells_own and key.startswith(self._own)
+
     def _run(self) -> None:
         while True:
             items = [self._queue.get()]
             items += [self._queue.get() for _ in range(self._queue.qsize())]
             changes = [change for item in items if (change := _change(item)) is not None]
-            self._apply(changes)
+            self._apply([change for change in changes if not self._is_own(change[0])])
             for item in items:
                 if item is None:
                     return
@@ -254,7 +271,7 @@ class Graph:
                         snapshot.add(str(answer.ok.key_expr))
         except zenoh.ZError:
             return False
-        missing = set(snapshot.keys())
+        missing = set(filterfalse(self._is_own, snapshot.keys()))
 
         def is_here() -> bool:
             missing.difference_update(self._state.keys())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import closing
 
 from hypothesis import HealthCheck, given, settings
@@ -72,3 +73,24 @@ def test_a_graph_that_has_settled_has_all_that_the_router_knows(zenoh_router):
 def test_without_a_router_a_graph_does_not_settle(free_port):
     with closing(WireSession(connect=f"tcp/127.0.0.1:{free_port}")) as alone, closing(Graph(alone)) as graph:
         assert not graph.settle(60.0)
+
+
+def test_what_is_reported_late_of_ones_own_does_not_bring_it_back(zenoh_router):
+    with closing(WireSession(connect=zenoh_router)) as here, closing(Graph(here)) as graph:
+        own = NodeToken(0, here.zid, 5, "own", "/")
+        graph.add_own(first := NodeToken(0, here.zid, 4, "first", "/"))
+        reports = here.zenoh.liveliness().declare_subscriber(str(own))
+        declared = here.zenoh.liveliness().declare_token(str(own))
+        late = reports.recv()
+        told: list[tuple[object, bool]] = []
+        graph.on_token(lambda token, alive: told.append((token, alive)))
+        graph.add_own(own)
+        graph.discard_own(own)
+        done = threading.Event()
+        graph._queue.put(late)
+        graph._queue.put(done)
+        assert done.wait(60)
+        assert told == [(own, True), (own, False)]
+        assert [node.name for node in graph.nodes()] == [first.name]
+        assert graph.settle(60.0)  # the router knows it still
+        declared.undeclare()
