@@ -130,7 +130,7 @@ class Context:
             callbacks, self._callbacks = self._callbacks, []
             nodes, self._nodes = self._nodes, []
         _living.discard(self)
-        self._wake()
+        self.wake()
         for reference in callbacks:
             callback = reference()
             if callback is not None:
@@ -184,9 +184,10 @@ class Context:
     def _end_by_signal(self) -> None:
         """In a signal's handler: no locks, and no callbacks of programs."""
         self._over = True
-        self._wake()
+        self.wake()
 
-    def _wake(self) -> None:
+    def wake(self) -> None:
+        """Have who waits look around: executors of its nodes, and whoever asked by `wake_with`. Takes no lock."""
         handle = self._handle
         if handle is not None:
             handle.ingress.wake()

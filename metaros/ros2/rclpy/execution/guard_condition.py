@@ -36,7 +36,7 @@ class GuardCondition:
         context: Context | None = None,
     ) -> None:
         self._context = get_default_context() if context is None else context
-        self._handle = GuardHandle(self._context._wake)
+        self._handle = GuardHandle(self._context.wake)
         self.callback = callback
         self.callback_group = callback_group
 

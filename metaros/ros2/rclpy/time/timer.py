@@ -60,7 +60,7 @@ class Timer:
     ) -> None:
         self._context = get_default_context() if context is None else context
         self._clock = clock
-        self._handle = TimerHandle(clock.handle, int(timer_period_ns), self._context._wake, autostart=autostart)
+        self._handle = TimerHandle(clock.handle, int(timer_period_ns), self._context.wake, autostart=autostart)
         self._asked: Callable[..., Any] | None = None  # the callback whose signature was looked at
         self._info_name: str | None = None  # its argument for a TimerInfo
         self.callback = callback
