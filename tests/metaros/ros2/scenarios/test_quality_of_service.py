@@ -56,7 +56,8 @@ def test_a_deadline_is_missed_while_the_talker_pauses(pair: Any) -> None:
     spin_until(executor, lambda: heard and all(missed.values()))
     publisher.publish(String(data="after"))
     spin_until(executor, lambda: len(heard) == 2)
-    assert missed["talker"][0] == missed["listener"][0] == 1
+    assert missed["talker"][0] >= 1  # more where the machine was late
+    assert missed["listener"][0] >= 1
 
 
 def test_what_does_not_fit_is_told_at_both_ends(pair: Any) -> None:
