@@ -32,7 +32,7 @@ class Buffer(BufferCore, BufferInterface):
     or more, as it does when a recording begins anew.
 
     A lookup with a timeout waits on its own thread: what puts the transforms in must run on another, such as an
-    executor with several threads, or a listener made with `spin_thread=True`.
+    executor with several threads, or a listener made with `spin_thread=True`. With a node it ends with its context.
     """
 
     def __init__(self, cache_time: Any = None, node: Any = None) -> None:
@@ -41,6 +41,7 @@ class Buffer(BufferCore, BufferInterface):
         self.__watchers: dict[int, Callable[[], None]] = {}
         self.__numbers = itertools.count()
         self.__watching = threading.Lock()
+        self.__context: Any = getattr(node, "context", None)
         if node is not None:
             self.srv = node.create_service(interface("tf2_msgs/srv/FrameGraph"), "tf2_frames", self.__tell_frames)
             self.clock = node.get_clock()
@@ -167,12 +168,17 @@ class Buffer(BufferCore, BufferInterface):
             return ask() if last else (False, "")
         clock, woken, number = SystemClock(), Wakeup(), next(self.__numbers)
         until_s = clock.monotonic_s() + timeout_ns / 1e9
+        context = self.__context
         self.__watch(number, woken.set)
+        stop = None if context is None else context.wake_with(woken.set)
         try:
-            while not (answer := ask())[0] and woken.wait(until_s - clock.monotonic_s()):
-                pass
+            while not (answer := ask())[0] and (context is None or context.ok()):
+                if not woken.wait(until_s - clock.monotonic_s()):
+                    break
         finally:
             self.__unwatch(number)
+            if stop is not None:
+                stop()
         return answer
 
     def __awaited(self, ask: Callable[[], Answer], look_up: Callable[[], Any]) -> Future[Any]:

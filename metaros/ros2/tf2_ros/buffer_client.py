@@ -108,19 +108,26 @@ class BufferClient(BufferInterface):
         padding = self.timeout_padding
         padding_s = float(padding) if isinstance(padding, (int, float)) else duration_ns(padding) / 1e9
         until_s = SystemClock().monotonic_s() + duration_ns(wait) / 1e9 + padding_s
-        handle = _result(self.action_client.send_goal_async(goal), until_s, "take the goal")
+        context = self.node.context
+        handle = _result(self.action_client.send_goal_async(goal), until_s, "take the goal", context)
         if not handle.accepted:
             raise TimeoutException("The BufferServer refused the goal of a lookup; something is wrong with it.")
-        return _said(_result(handle.get_result_async(), until_s, "give its result").result)
+        return _said(_result(handle.get_result_async(), until_s, "give its result", context).result)
 
 
-def _result(future: Any, until_s: float, what: str) -> Any:
+def _result(future: Any, until_s: float, what: str, context: Any) -> Any:
     woken = Wakeup()
     future.add_done_callback(lambda _: woken.set())
-    while not future.done():
-        if not woken.wait(until_s - SystemClock().monotonic_s()) and not future.done():
-            raise TimeoutException(f"The BufferServer did not {what} in time; is the node spun by another thread?")
-    return future.result()
+    stop = context.wake_with(woken.set)
+    try:
+        while not future.done():
+            if not context.ok():
+                raise TimeoutException(f"The BufferServer did not {what} before the context was shut down.")
+            if not woken.wait(until_s - SystemClock().monotonic_s()) and not future.done():
+                raise TimeoutException(f"The BufferServer did not {what} in time; is the node spun by another thread?")
+        return future.result()
+    finally:
+        stop()
 
 
 def _said(result: Any) -> Any:

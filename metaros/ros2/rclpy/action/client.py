@@ -10,7 +10,6 @@ from contextlib import suppress
 from types import GenericAlias
 from typing import Any, Final, TypeVar
 
-from metaros.clock import SystemClock
 from metaros.limits import LIMITS
 from metaros.node.action.goal import TERMINAL
 from metaros.node.action.types import ActionTypes
@@ -18,6 +17,7 @@ from metaros.ros2.rclpy.action.client_goal import ClientGoalHandle
 from metaros.ros2.rclpy.action.names import ActionNode, endpoint_names, uuid_bytes
 from metaros.ros2.rclpy.action.result_client import ResultClient
 from metaros.ros2.rclpy.core.client import Client
+from metaros.ros2.rclpy.core.graph_wait import wait_in_graph
 from metaros.ros2.rclpy.core.handles import SubscriptionHandle
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
 from metaros.ros2.rclpy.core.service_handles import ClientHandle
@@ -35,7 +35,6 @@ __all__ = ["ActionClient", "ClientGoalHandle"]
 
 C = TypeVar("C", bound=Client)
 _FEEDBACK_QOS: Final = QoSProfile(depth=10)
-_PATIENCE_S: Final = 0.25  # between two looks at whether the context lives
 
 
 class ActionClient(Waitable[Any]):
@@ -203,14 +202,7 @@ class ActionClient(Waitable[Any]):
 
     def wait_for_server(self, timeout_sec: float | None = None) -> bool:
         """Wait for a server, without a `timeout_sec` until the context is shut down; whether one is there."""
-        until_s = None if timeout_sec is None else SystemClock.monotonic_s() + timeout_sec
-        while self._node.context.ok():
-            left_s = _PATIENCE_S if until_s is None else min(_PATIENCE_S, until_s - SystemClock.monotonic_s())
-            if self._node.handle.graph.wait_for(self.server_is_ready, max(0.0, left_s)):
-                return True
-            if left_s <= 0:
-                break
-        return self.server_is_ready()
+        return wait_in_graph(self._node.handle.graph, self.server_is_ready, timeout_sec, self._node.context.ok)
 
     def configure_introspection(
         self, clock: Any, service_event_qos_profile: QoSProfile, introspection_state: ServiceIntrospectionState

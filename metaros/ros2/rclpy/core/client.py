@@ -69,7 +69,7 @@ class Client:
                     introspection.tell(REQUEST_SENT, handle.gid, number, request=request)
 
             try:
-                number, response = handle.call_blocking(request, timeout_sec, self.context.ok, sent)
+                number, response = handle.call_blocking(request, timeout_sec, self.context, sent)
             except PeerError as error:
                 if timeout_sec is None:
                     raise

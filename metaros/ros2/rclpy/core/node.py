@@ -11,6 +11,7 @@ from metaros.ros2.rclpy.core.client import Client
 from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.endpoint_methods import EndpointMethods, qos_or_depth
 from metaros.ros2.rclpy.core.graph_methods import GraphMethods
+from metaros.ros2.rclpy.core.graph_wait import wait_in_graph
 from metaros.ros2.rclpy.core.handles import NodeHandle
 from metaros.ros2.rclpy.core.publisher import Publisher
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, NodeNameNonExistentError
@@ -221,10 +222,13 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
         return self._logger
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait up to `timeout` seconds for another node to be in the graph; whether it is."""
-        wanted = f"/{fully_qualified_node_name.lstrip('/')}"
-        graph = self.__node.graph
-        return graph.wait_for(lambda: any(node.full_name == wanted for node in graph.nodes()), max(0.0, timeout))
+        """Wait up to `timeout` seconds for another node to be in the graph, or to the shutdown; whether it is."""
+        wanted, graph = f"/{fully_qualified_node_name.lstrip('/')}", self.__node.graph
+
+        def is_there() -> bool:
+            return any(node.full_name == wanted for node in graph.nodes())
+
+        return wait_in_graph(graph, is_there, timeout, self.context.ok)
 
     # -- what it creates besides endpoints -------------------------------------------------------------------------
 

@@ -13,19 +13,19 @@ import zenoh
 
 from metaros.cdr import Codec, codec
 from metaros.clock import SystemClock
-from metaros.errors import ClosedError, DecodeError, PeerError, TimeoutError_
+from metaros.errors import ClosedError, PeerError, TimeoutError_
 from metaros.executor import CallbackGroup
 from metaros.node.client import Client as NativeClient
 from metaros.node.core import NodeCore
 from metaros.node.pending_call import FOREVER_S, GRACE_S, PendingCall
 from metaros.node.service import PendingRequest, Responder
+from metaros.ros2.rclpy.core.context import Context
 from metaros.ros2.rclpy.core.destroyable import Destroyable
+from metaros.ros2.rclpy.core.graph_wait import wait_in_graph
 from metaros.wire import QoSProfile
 from metaros.wire.attachment import parse_attachment
 
 __all__ = ["ClientHandle", "RequestHeader", "ServiceHandle"]
-
-_PATIENCE_S = 0.25  # between two looks at whether the context lives
 
 
 class _LazyCodec:
@@ -148,19 +148,13 @@ class ClientHandle(Destroyable, NativeClient):
 
     def wait_until_ready(self, timeout_s: float | None, alive: Callable[[], bool]) -> bool:
         """Wait for a server for so long (None: for ever) as `alive()`; whether one is there."""
-        until_s = None if timeout_s is None else SystemClock.monotonic_s() + timeout_s
-        while alive():
-            left_s = _PATIENCE_S if until_s is None else min(_PATIENCE_S, until_s - SystemClock.monotonic_s())
-            if self.wait_for_service(max(0.0, left_s)):
-                return True
-            if left_s <= 0:
-                break
-        return self.service_is_ready()
+        return wait_in_graph(self.node.graph, self.service_is_ready, timeout_s, alive)
 
     def call_blocking(
-        self, request: Any, timeout_s: float | None, alive: Callable[[], bool], sent: Callable[[int], object]
+        self, request: Any, timeout_s: float | None, context: Context, sent: Callable[[int], object]
     ) -> tuple[int, Any]:
-        """Wait for a server, send, wait for the answer: the request's number, and the answer or None out of time.
+        """Wait for a server, send, wait for the answer: the request's number, and the answer or None where time is
+        over or the context shut down.
 
         No executor has to spin for this. `sent(number)` is called before the wait. PeerError says why no answer can
         come any more; UsageError that this very thread would have to serve it.
@@ -168,16 +162,23 @@ class ClientHandle(Destroyable, NativeClient):
         until_s = None if timeout_s is None else SystemClock.monotonic_s() + timeout_s
         self.check_can_wait()
         payload = self._request_bytes(request)
-        if not self.wait_until_ready(timeout_s, alive):
+        if not self.wait_until_ready(timeout_s, context.ok):
             return 0, None
         left_s = FOREVER_S if until_s is None else max(0.001, until_s - SystemClock.monotonic_s())
         self.check_can_wait()
         call = PendingCall(self.topic, self._next_seq(), self.gid, left_s)
         replies = self._get(call, payload, left_s, zenoh.handlers.FifoChannel(16))
         sent(call.seq)
+        stop = context.wake_with(call.token.cancel)
         try:
+            if not context.ok():  # it ended before anybody could be told
+                call.cancel()
             return call.seq, self._response(call.read(replies))
         except TimeoutError_:
             return call.seq, None
-        except DecodeError:
-            raise
+        except PeerError:
+            if context.ok():
+                raise
+            return call.seq, None
+        finally:
+            stop()

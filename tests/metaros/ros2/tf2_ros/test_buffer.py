@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import logging
 import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from metaros.ros2.rclpy.time.clock import ClockType, ROSClock
+from metaros.ros2.rclpy.core.context import Context
+from metaros.ros2.rclpy.execution.task import Future
+from metaros.ros2.rclpy.time.clock import Clock, ClockType, ROSClock
 from metaros.ros2.rclpy.time.duration import Duration
 from metaros.ros2.rclpy.time.time import Time
 from metaros.ros2.rosidl.catalogue import interface
 from metaros.ros2.tf2_py.conversions import transform_stamped
 from metaros.ros2.tf2_ros import (
     Buffer,
+    BufferClient,
     BufferInterface,
     ConnectivityException,
     ConvertRegistration,
@@ -24,10 +28,12 @@ from metaros.ros2.tf2_ros import (
     LookupException,
     NotImplementedException,
     Stamped,
+    TimeoutException,
     TransformRegistration,
     TypeException,
     convert,
 )
+from tests.support.nodes.threads import on_thread
 from tests.support.waiting import wait_until
 
 NOW = Time(seconds=5)
@@ -135,6 +141,26 @@ def test_a_clock_that_jumps_back_empties_the_buffer(caplog: pytest.LogCaptureFix
     kind, name, tell = buffer.srv
     assert (kind, name) == (interface("tf2_msgs/srv/FrameGraph"), "tf2_frames")
     assert tell(None, SimpleNamespace()).frame_yaml == ""
+
+
+def test_lookups_end_with_the_context_of_their_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    server = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=lambda goal: Future())
+    monkeypatch.setattr("metaros.ros2.rclpy.action.client.ActionClient", lambda *args, **options: server)
+    context, hour = Context(), Duration(seconds=3600)
+    context.init(args=[])
+    node = SimpleNamespace(context=context, get_clock=Clock, create_service=lambda *args: args)
+    buffers = {LookupException: Buffer(node=node), TimeoutException: BufferClient(node, "buffer")}
+    threads = {
+        kind: on_thread(partial(buffer.lookup_transform, "foo", "bar", Time(), timeout=hour))
+        for kind, buffer in buffers.items()
+    }
+    wait_until(lambda: len(context._wakers) == len(threads))
+    context._end_by_signal()
+    for kind, (thread, raised) in threads.items():
+        thread.join(20.0)
+        assert (thread.is_alive(), [type(found) for found in raised]) == (False, [kind])
+    assert len(context._wakers) == 0
+    context.shutdown()
 
 
 def test_objects_go_through_the_buffer() -> None:

@@ -19,6 +19,7 @@ from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 from metaros.ros2.rclpy.execution.task import Future
 from metaros.ros2.rclpy.qos.profile import qos_profile_system_default
 from metaros.ros2.rosidl.catalogue import interface
+from tests.support.nodes.threads import on_thread
 from tests.support.waiting import wait_until
 
 ADD = "example_interfaces/srv/AddTwoInts"
@@ -145,6 +146,32 @@ def test_what_a_servers_callback_raises_comes_out_of_spin(node: Node, executor: 
             assert not future.done()
             wait_until(lambda: not client.handle._calls)  # noqa: B023  (it was told that no answer comes)
         outcomes[0] = ValueError("no")
+
+
+def test_waits_end_with_the_context_however_that_ends(
+    node: Node, ros2_router: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("METAROS_ZENOH_PORT", ros2_router)
+    node.create_service(interface(ADD), "unanswered", add)  # nobody spins it
+    context, answers = Context(), []
+    context.init(args=[])
+    with create_node("asker", context=context) as asker:
+        client = asker.create_client(interface(ADD), "unanswered")
+        assert client.wait_for_service(30.0)
+        never = asker.create_client(interface(ADD), "never")
+        threads = [
+            on_thread(lambda: answers.append(client.call(request_of(1, 2)))),
+            on_thread(lambda: answers.append(never.call(request_of(1, 2), timeout_sec=1000.0))),
+            on_thread(lambda: answers.append(asker.wait_for_node("/nobody", 1000.0))),
+        ]
+        wait_until(lambda: context._wakers)
+        context._end_by_signal()
+        for thread, raised in threads:
+            thread.join(20.0)
+            assert (thread.is_alive(), raised) == (False, [])
+        assert client.call(request_of(1, 2)) is None
+    context.shutdown()
+    assert sorted(map(str, answers)) == ["False", "None", "None"]
 
 
 def test_without_an_answer_a_future_stays_open(node: Node, executor: SingleThreadedExecutor) -> None:
