@@ -40,11 +40,11 @@ def source_of(package_name: str) -> Path | None:
 
 def share_of(folder: Path, package_name: str) -> Path:
     """What stands for the share folder of the package in this folder."""
-    moved = {
-        target: source
-        for target, source in _installed(folder, package_name)
-        if source.is_file() and not (folder / target).exists()
-    }
+    try:
+        found = list(_installed(folder, package_name))
+    except RecursionError:  # a setup.py that nests without end
+        return folder
+    moved = {target: source for target, source in found if source.is_file() and not (folder / target).exists()}
     return _linked(folder, tuple(moved.items())) if moved else folder
 
 
@@ -98,7 +98,7 @@ def _installed(folder: Path, package_name: str) -> Iterator[tuple[str, Path]]:
     """What the `data_files` of a `setup.py` put into the share folder: the place there, and the file. It is not run."""
     try:
         tree = ast.parse(_read(folder / "setup.py"))
-    except (SyntaxError, ValueError):
+    except (SyntaxError, ValueError, MemoryError):
         return
     names = {"package_name": package_name}
     share, count = f"share/{package_name}", 0

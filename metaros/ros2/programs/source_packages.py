@@ -140,9 +140,12 @@ def _of_pyproject(text: str) -> dict[str, str]:
 def _of_setup_py(text: str) -> dict[str, str]:
     """What `setup(entry_points={"console_scripts": [...]})` says, its constants put in."""
     try:
-        tree = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError):
+        return _console_scripts(ast.parse(text))
+    except (SyntaxError, ValueError, MemoryError, RecursionError):  # the last two also where it nests without end
         return {}
+
+
+def _console_scripts(tree: ast.Module) -> dict[str, str]:
     known: dict[str, object] = {}
     found: dict[str, str] = {}
     for node in ast.walk(tree):

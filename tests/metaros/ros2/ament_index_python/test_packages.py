@@ -131,3 +131,6 @@ def test_what_setup_py_would_install_elsewhere_is_there(prefixes: list[str], sou
     assert not (share.parent / "evil").exists()
     (source / "setup.py").write_text("setup(data_files=[('share/demo_nodes', ['package.xml'])]")
     assert ament.get_package_share_path("demo_nodes") == source, "a setup.py that is no Python says nothing"
+    for text in ("-" * 100_000 + "1", "name = " + " + ".join(["'a'"] * 5_000)):
+        (source / "setup.py").write_text(text)
+        assert ament.get_package_share_path("demo_nodes") == source

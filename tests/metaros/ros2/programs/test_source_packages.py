@@ -28,7 +28,8 @@ def test_files_that_cannot_be_read_have_no_entry_points(workspace: Path) -> None
     (other / "pyproject.toml").write_text("[project.scripts")
     (package,) = source_packages(other)
     assert package.entry_points() == {}
-    (other / "setup.py").write_text("def broken(")
+    for text in ("def broken(", "-" * 100_000 + "1", "name = " + " + ".join(["'a'"] * 5_000)):
+        (other / "setup.py").write_text(text)
+        assert package.entry_points() == {}, text[:10]
     (other / "package.xml").write_text("<package/>")
-    assert package.entry_points() == {}
     assert list(source_packages(other)) == []
