@@ -6,8 +6,10 @@ import importlib
 import sys
 import threading
 from collections.abc import Iterator
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -137,6 +139,39 @@ def test_an_installed_package_wins_each_for_itself_unless_shadowed(elsewhere: Pa
     assert load("rclpy") is metaros.ros2.rclpy
     assert load("std_msgs.tools").real  # beside its interfaces a package may have modules
     assert load("std_msgs.msg").String is interface("std_msgs/msg/String")
+
+
+@pytest.mark.parametrize("how", ["imported before", "in a folder", "by a finder of its own"])
+def test_what_is_installed_wins_however_it_is_and_whenever_it_came(
+    elsewhere: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    """Editable installs put a finder behind all others; programs may import before and after `install`."""
+    home = elsewhere if how != "by a finder of its own" else elsewhere / "src"
+    names = ("rclpy", "rclpy.node", "std_msgs.msg", "tf2_ros")
+    for name in names:
+        folder = home.joinpath(*name.split("."))
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in (folder, folder.parent):
+            if path != home:
+                (path / "__init__.py").write_text("real = True\n")
+    importlib.invalidate_caches()
+
+    class Editable:
+        @staticmethod
+        def find_spec(name: str, path: object = None, target: object = None) -> Any:
+            folder = home / name
+            if "." in name or not folder.is_dir():
+                return None
+            return spec_from_file_location(name, folder / "__init__.py", submodule_search_locations=[str(folder)])
+
+    if how == "by a finder of its own":
+        monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Editable])
+    if how == "imported before":
+        load("rclpy")
+    install()
+    load("metaros.ros2.rclpy.core.node")  # ours, by their own names, are no reason to give them for theirs
+    assert [name for name in names if not load(name).real] == []
+    assert load("message_filters") is load("metaros.ros2.message_filters")
 
 
 @pytest.mark.usefixtures("clean")
