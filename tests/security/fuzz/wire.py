@@ -33,7 +33,7 @@ from metaros.idl.hashing import parse_hash
 from metaros.idl.json import from_json, to_json
 from metaros.idl.known import remember
 from metaros.node.introspection import type_description
-from metaros.node.introspection.fetch import _learn
+from metaros.node.introspection.described import learn
 from metaros.wire.attachment import Attachment, pack_attachment, parse_attachment
 from metaros.wire.keys import DataKey, parse_key
 from metaros.wire.liveliness_tokens import EndpointToken, NodeToken, parse_token
@@ -136,7 +136,7 @@ def announced_schema(data: bytes) -> None:
 def reported_type(data: bytes) -> None:
     """A peer's answer to `~/get_type_description`."""
     response = codec("type_description_interfaces/srv/GetTypeDescription_Response").decode(data)
-    _learn("fuzz_msgs/msg/Told", TOLD_HASH, response)
+    learn("fuzz_msgs/msg/Told", TOLD_HASH, response)
 
 
 def reported_seeds() -> tuple[str, tuple[bytes, ...]]:
