@@ -55,9 +55,9 @@ class Destroyable:
         return id(self)
 
     def destroy_when_not_in_use(self) -> None:
-        """Destroy it now, or once nobody is within `with handle:`; InvalidHandle the second time."""
+        """Destroy it now, or once nobody is within `with handle:`. Nothing the second time."""
         if self._destroyed:
-            raise InvalidHandle(f"{type(self).__name__} was destroyed already")
+            return
         self._destroyed = True
         if not self._uses:
             self.close()

@@ -327,7 +327,8 @@ class Node(EndpointMethods, ParameterMethods, GraphMethods):
         while self._guards:
             self.destroy_guard_condition(self._guards[0])
         self._context.untrack_node(self)
-        self.__node.destroy_when_not_in_use()
+        with self.__node:  # which says so where it was destroyed already
+            self.__node.destroy_when_not_in_use()
         self._wake_executor()
 
     def _destroy_with_context(self) -> None:
