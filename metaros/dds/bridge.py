@@ -18,7 +18,7 @@ from metaros.dds.plan import Plan, RouteKey, Wanted, make_plan
 from metaros.dds.report import DdsReport, Direction
 from metaros.dds.service_routes import ServedByDds, ServedByRos
 from metaros.dds.topic_routes import FromDds, ToDds
-from metaros.errors import MetarosError
+from metaros.errors import ConfigError, MetarosError
 from metaros.executor import SingleThreadedExecutor
 from metaros.idl import catalogue_of
 from metaros.idl.globs import Glob
@@ -53,8 +53,7 @@ class DdsBridge:
 
     def __init__(self, context: Context, options: DdsOptions | None = None) -> None:
         self._options = DdsOptions() if options is None else options
-        self._participant = DomainParticipant(self._options.domain)
-        self._node = Node("dds_bridge", context=context)
+        self._participant = _join(self._options.domain)
         self._discovery = Discovery(self._participant)
         self._wake = GuardCondition(self._participant)
         self._waits = WaitSet(self._participant)
@@ -66,6 +65,7 @@ class DdsBridge:
         self._stopped = False
         for entity in (self._wake, *(ReadCondition(reader, _ANY) for reader in self._discovery.readers)):
             self._waits.attach(entity)
+        self._node = Node("dds_bridge", context=context)  # last, so that nothing is left where DDS fails
         self._forget_graph = self._node.graph.on_change(self._on_graph)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -206,6 +206,15 @@ class DdsBridge:
     def _served_by_ros(self, name: str, wanted: Wanted) -> Route:
         options: Any = {"type_name": wanted.type_name, "catalogue": wanted.catalogue}
         return ServedByRos(self._node, self._participant, name=name, **options)
+
+
+def _join(domain: int) -> DomainParticipant:
+    try:
+        return DomainParticipant(domain)
+    except DDSException as error:
+        raise ConfigError(
+            f"cannot join the DDS domain {domain}: {error}\nCYCLONEDDS_URI, where it is set, says by which network"
+        ) from None
 
 
 _MAKERS: Final[dict[Direction, Callable[[DdsBridge, str, Wanted], Route]]] = {

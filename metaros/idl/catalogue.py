@@ -153,6 +153,13 @@ class Catalogue:
                     made = self._made[key] = build()
         return cast("T", made)
 
+    def may_have(self, package: str) -> bool:
+        """Whether it is worth asking for interfaces of a package. No lock is taken: imports ask, which hold theirs."""
+        prefix = f"{package}/"
+        if any(name.startswith(prefix) for name in list(self._own)):
+            return True
+        return self._base is not None and self._base.may_have(package)
+
     def trouble(self, name: str) -> str:
         """Why there is no `name`, where a file would define it and is bad; empty otherwise."""
         return "" if self._base is None else self._base.trouble(name)
@@ -205,6 +212,7 @@ class _ShippedCatalogue(Catalogue):
         self._with_folders = folders
         self._folders: Folders | None = None
         self._unread = _data_files(_DATA)
+        self._shipped = frozenset(self._unread)
         self._texts: dict[str, str] = {}
 
     def _lookup(self, name: str) -> Definition | None:
@@ -246,6 +254,10 @@ class _ShippedCatalogue(Catalogue):
 
             self._folders = Folders()
         return self._folders
+
+    def may_have(self, package: str) -> bool:
+        """Whether it is worth asking for interfaces of a package; takes no lock."""
+        return package in self._shipped or any(map(os.environ.get, _VARIABLES)) or super().may_have(package)
 
     def trouble(self, name: str) -> str:
         """Which file is bad, and why."""

@@ -29,6 +29,8 @@ def package_module(fullname: str) -> ModuleType | None:
 
     "std_msgs" and "std_msgs.msg" are packages, "std_msgs.msg._string" is what rosidl generates of `String.msg`.
     """
+    if not default_catalogue().may_have(fullname.partition(".")[0]):
+        return None
     with _LOCK:
         found = _MADE.get(fullname)
         if found is None:

@@ -101,3 +101,11 @@ def test_the_table_the_news_and_the_facts() -> None:
 def test_a_wrong_pattern_is_one_line_and_exit_code_2(run: Run) -> None:
     done = run("dds", "--only", "/a b")
     assert (done.code, "pattern" in done.err) == (2, True)
+
+
+def test_a_domain_that_cannot_be_joined_is_an_error_in_words(
+    zenoh_port: str, monkeypatch: pytest.MonkeyPatch, run: Run
+) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><NoSuchThing/></CycloneDDS>")
+    done = run("dds", "--dds-domain", "9", "--zenoh-port", zenoh_port)
+    assert (done.code, "cannot join the DDS domain 9" in done.err, "CYCLONEDDS_URI" in done.err) == (2, True, True)

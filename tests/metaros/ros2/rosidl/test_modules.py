@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pickle
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -79,3 +80,15 @@ def test_a_bad_file_is_named_where_it_is_imported(tmp_path: Path, monkeypatch: p
         _ = module.Bad
     assert not hasattr(module, "Other")
     assert "bad_file_msgs/msg/Bad" not in default_catalogue().names()  # nobody is told to try it
+
+
+def test_a_name_that_no_package_has_is_answered_while_the_catalogue_is_at_work() -> None:
+    """Whoever makes a class may import numpy, and whoever imports numpy may ask for names that nobody has."""
+    catalogue = default_catalogue()
+    answers: list[Any] = []
+    asking = threading.Thread(target=lambda: answers.append(package_module("nobody_has_this")))
+    with catalogue._lock:
+        asking.start()
+        asking.join(60)
+    assert answers == [None]
+    assert package_module("std_msgs") is not None
