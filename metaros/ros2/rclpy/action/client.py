@@ -19,7 +19,7 @@ from metaros.ros2.rclpy.action.result_client import ResultClient
 from metaros.ros2.rclpy.core.client import Client
 from metaros.ros2.rclpy.core.graph_wait import wait_in_graph
 from metaros.ros2.rclpy.core.handles import SubscriptionHandle
-from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
+from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle, RCLError
 from metaros.ros2.rclpy.core.service_handles import ClientHandle
 from metaros.ros2.rclpy.core.service_introspection import ServiceIntrospectionState
 from metaros.ros2.rclpy.execution.task import Future
@@ -201,8 +201,15 @@ class ActionClient(Waitable[Any]):
         return topics and all(client.service_is_ready() for client in self._clients)
 
     def wait_for_server(self, timeout_sec: float | None = None) -> bool:
-        """Wait for a server, without a `timeout_sec` until the context is shut down; whether one is there."""
-        return wait_in_graph(self._node.handle.graph, self.server_is_ready, timeout_sec, self._node.context.ok)
+        """Wait for a server, without a `timeout_sec` for ever; whether one is there.
+
+        RCLError where the context is shut down: a loop around this would never end.
+        """
+        alive = self._node.context.ok
+        ready = wait_in_graph(self._node.handle.graph, self.server_is_ready, timeout_sec, alive)
+        if not ready and not alive():
+            raise RCLError(f"there is no telling whether {self._action_name} is served: the context is shut down")
+        return ready
 
     def configure_introspection(
         self, clock: Any, service_event_qos_profile: QoSProfile, introspection_state: ServiceIntrospectionState

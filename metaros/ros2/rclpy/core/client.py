@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from metaros.errors import PeerError
 from metaros.node.pending_call import PendingCall
 from metaros.ros2.rclpy.core.context import Context
+from metaros.ros2.rclpy.core.rcl_errors import RCLError
 from metaros.ros2.rclpy.core.service_handles import ClientHandle
 from metaros.ros2.rclpy.core.service_introspection import (
     REQUEST_SENT,
@@ -142,9 +143,15 @@ class Client:
             return self.__client.service_is_ready()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
-        """Wait for a server, without a `timeout_sec` until the context is shut down; whether one is there."""
+        """Wait for a server, without a `timeout_sec` for ever; whether one is there.
+
+        RCLError where the context is shut down: a loop around this would never end.
+        """
         with self.handle:
-            return self.__client.wait_until_ready(timeout_sec, self.context.ok)
+            ready = self.__client.wait_until_ready(timeout_sec, self.context.ok)
+        if not ready and not self.context.ok():
+            raise RCLError(f"there is no telling whether {self.service_name} is served: the context is shut down")
+        return ready
 
     def configure_introspection(
         self, clock: Any, service_event_qos_profile: Any, introspection_state: ServiceIntrospectionState

@@ -206,3 +206,23 @@ def test_an_executor_and_a_callback_group_of_ones_own() -> None:
         pool.shutdown()
     assert ran == {"stopper": ["high", "high"], "talker": ["low", "low"]}
     assert group.entities_seen == [timer, timer]
+
+
+def test_a_loop_around_a_wait_ends_with_its_context() -> None:
+    import rclpy
+    from example_interfaces.action import Fibonacci
+    from example_interfaces.srv import AddTwoInts
+    from rclpy._rclpy_pybind11 import RCLError
+    from rclpy.action import ActionClient
+
+    rclpy.init()
+    node = rclpy.create_node("waiter")
+    client = node.create_client(AddTwoInts, "served_by_nobody")
+    action_client = ActionClient(node, Fibonacci, "done_by_nobody")
+    waits = {"/served_by_nobody": client.wait_for_service, "done_by_nobody": action_client.wait_for_server}
+    for wait in waits.values():
+        assert not wait(timeout_sec=0)
+    node.context._end_by_signal()  # as SIGTERM does: the program still has its node
+    for name, wait in waits.items():
+        with pytest.raises(RCLError, match=f"whether {name} is served: the context is shut down"):
+            wait(timeout_sec=1.0)
