@@ -15,6 +15,8 @@ from metaros.ros2.programs.run import Program
 
 __all__ = ["Executable", "executables", "find_program"]
 
+_UP: Final = 5  # folders above a file in which the package.xml of its package is looked for
+
 # Executables of ROS 2's own packages that launch files count on, for where that package is not installed.
 OWN: Final = {
     ("tf2_ros", "static_transform_publisher"): "metaros.ros2.tf2_ros.static_transform_publisher:main",
@@ -51,7 +53,7 @@ def find_program(
         path = Path(first) if folder == Path.cwd() else folder / first
         if not path.exists():
             raise ConfigError(f"there is no file {first}")
-        return Program(argv0=first, file=path, path=(str(path.resolve().parent),)), rest
+        return Program(argv0=first, file=path, path=tuple(_folders_of(path.resolve()))), rest
     environ = os.environ if environ is None else environ
     if rest and not rest[0].startswith("-"):
         program = _of_package(first, rest[0], package_path, environ, folder)
@@ -99,6 +101,16 @@ def _of_distributions() -> Iterator[Executable]:
 def _looks_like_a_file(word: str, folder: Path) -> bool:
     """By its ending or a slash; a word alone may be the name of a package."""
     return word.endswith((".py", ".pyc", ".pyz")) or os.sep in word or ((folder / word).is_file() and "-" in word)
+
+
+def _folders_of(path: Path) -> Iterator[str]:
+    """Where a file's modules are: beside it, and in the package in source that it is of."""
+    yield str(path.parent)
+    for folder in path.parents[:_UP]:
+        if (folder / "package.xml").is_file():
+            if folder != path.parent:
+                yield str(folder)
+            return
 
 
 def _of_package(

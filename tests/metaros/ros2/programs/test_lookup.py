@@ -35,7 +35,12 @@ def test_files_modules_and_executables(workspace: Path, prefix: Path, monkeypatc
     (workspace / "pack" / "__init__.py").touch()
     cases = {
         "drive.py a -r": ("drive.py", ["a", "-r"], (str(workspace),)),
-        "./src/tools/scripts/spin.py": ("src/tools/scripts/spin.py", [], (str(scripts),)),
+        "./src/tools/scripts/spin.py": (
+            "src/tools/scripts/spin.py",
+            [],
+            (str(scripts), str(workspace / "src/tools")),
+        ),
+        "src/robots/my_robot/setup.py": ("src/robots/my_robot/setup.py", [], (str(robot),)),
         "json.tool --x y": ("json.tool", ["--x", "y"], (str(workspace),)),
         "drive x": ("drive", ["x"], (str(workspace),)),
         "pack": ("pack", [], (str(workspace),)),
