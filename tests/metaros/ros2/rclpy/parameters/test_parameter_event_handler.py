@@ -12,7 +12,7 @@ from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 from metaros.ros2.rclpy.parameters.parameter import Parameter
 from metaros.ros2.rclpy.parameters.parameter_event_handler import ParameterEventHandler
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.parameters.conftest import MakeNode
+from tests.metaros.ros2.rclpy.parameters.conftest import MakeNode
 from tests.support.waiting import wait_until
 
 

@@ -19,7 +19,7 @@ from metaros.ros2.rclpy.execution.executors import SingleThreadedExecutor
 from metaros.ros2.rclpy.parameters.parameter import Parameter, parameter_value_to_python
 from metaros.ros2.rclpy.parameters.parameter_client import AsyncParameterClient
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.parameters.conftest import MakeNode
+from tests.metaros.ros2.rclpy.parameters.conftest import MakeNode
 from tests.support.waiting import wait_until
 
 

@@ -23,7 +23,7 @@ from metaros.ros2.rclpy.qos.profile import QoSProfile, qos_profile_system_defaul
 from metaros.ros2.rclpy.time.clock import ROSClock
 from metaros.ros2.rclpy.time.time import Time
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.action.conftest import WAIT_S, Spun
+from tests.metaros.ros2.rclpy.action.conftest import WAIT_S, Spun
 
 STATUS = interface("action_msgs/msg/GoalStatus")
 CANCEL = interface("action_msgs/srv/CancelGoal")

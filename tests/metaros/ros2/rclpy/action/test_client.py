@@ -15,7 +15,7 @@ from metaros.ros2.rclpy.execution.callback_groups import ReentrantCallbackGroup
 from metaros.ros2.rclpy.names.exceptions import InvalidTopicNameException
 from metaros.ros2.rclpy.qos.profile import QoSProfile, qos_profile_action_status_default, qos_profile_system_default
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.action.conftest import Spun
+from tests.metaros.ros2.rclpy.action.conftest import Spun
 
 STATUS = interface("action_msgs/msg/GoalStatus")
 

@@ -21,7 +21,7 @@ from metaros.ros2.rclpy.names.exceptions import (
 )
 from metaros.ros2.rclpy.parameters.parameter import Parameter
 from metaros.ros2.rosidl.catalogue import interface
-from tests.metaros.ros2.parameters.conftest import MakeNode
+from tests.metaros.ros2.rclpy.parameters.conftest import MakeNode
 from tests.support.tables import cases
 
 Type = Parameter.Type

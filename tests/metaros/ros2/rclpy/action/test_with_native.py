@@ -12,7 +12,7 @@ import metaros
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.node.action import GoalState
 from metaros.ros2.rclpy.action import ActionClient, ActionServer, CancelResponse
-from tests.metaros.ros2.action.conftest import WAIT_S, Spun
+from tests.metaros.ros2.rclpy.action.conftest import WAIT_S, Spun
 
 
 @pytest.fixture
