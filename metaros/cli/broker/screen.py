@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from metaros.cli.shared.live_table import NONE, draw, table_of
 from metaros.cli.shared.output import counted, human_bytes
 from metaros.cli.shared.topic_rates import RateMeter, TopicRates
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["Look", "Watcher", "live", "render", "report_facts"]
 
 COLUMNS = ("Topic", "Type", "Direction", "msg/s", "Bandwidth", "Bridged", "Dropped", "Malformed")
-_FRAME_ROWS = 7  # headings and empty lines around the rows
-_EVERY_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,47 +75,26 @@ def report_facts(look: Look) -> dict[str, Any]:
 
 def live(look: Callable[[], Look], stop: Event) -> None:
     """Draw in place until `stop`; what is on the screen then stays there."""
-    from rich.console import Console
-    from rich.live import Live
-
-    console = Console(highlight=False)
-    with Live(render(look(), console.height), console=console, auto_refresh=False) as screen:
-        while not stop.wait(_EVERY_S):
-            screen.update(render(look(), console.height), refresh=True)
+    draw(lambda height: render(look(), height), stop)
 
 
 def render(look: Look, height: int) -> RenderableType:
     """The table, cut to `height`, and a line of totals."""
-    from rich import box
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False)
-    for number, column in enumerate(COLUMNS):
-        justify = "right" if number > 2 else "left"
-        table.add_column(column, style="cyan" if number == 0 else None, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    rows, room = look.report.rows, max(height - _FRAME_ROWS, 3)
-    shown = rows if len(rows) <= room else rows[: room - 1]
-    for row in shown:
-        cells = _cells(row, look.rates[row.topic, str(row.direction)])
-        bad = (row.dropped, row.malformed)
-        styles = [""] * 6 + ["red" if count else "dim" for count in bad]
-        table.add_row(
-            *(Text(cell, style="dim" if cell == "–" else style) for cell, style in zip(cells, styles, strict=True))
-        )
-    if len(shown) < len(rows):
-        table.add_row(Text(f"… and {len(rows) - len(shown)} more", style="dim"))
-    body = table if rows else Text("waiting for the first message or subscriber", style="dim")
+    rows = [_cells(row, look.rates[row.topic, str(row.direction)]) for row in look.report.rows]
+    waiting = Text("waiting for the first message or subscriber", style="dim")
+    body = table_of(COLUMNS, rows, height=height, faults=2) if rows else waiting
     return Group(Text(), body, Text(), Text(_totals(look), style="dim"))
 
 
 def _cells(row: TopicRow, rate: TopicRates) -> tuple[str, ...]:
-    hz = f"{rate.hz:.1f}" if rate.hz else "–"
-    flow = f"{human_bytes(rate.bytes_per_s)}/s" if rate.bytes_per_s else "–"
-    bad = [str(count) if count else "–" for count in (row.dropped, row.malformed)]
+    hz = f"{rate.hz:.1f}" if rate.hz else NONE
+    flow = f"{human_bytes(rate.bytes_per_s)}/s" if rate.bytes_per_s else NONE
+    bad = [str(count) if count else NONE for count in (row.dropped, row.malformed)]
     bridged = str(row.bridged) if row.heard or row.bridged else "nobody listens"
-    return row.topic, row.type or "–", str(row.direction), hz, flow, bridged, *bad
+    return row.topic, row.type or NONE, str(row.direction), hz, flow, bridged, *bad
 
 
 def _totals(look: Look) -> str:
