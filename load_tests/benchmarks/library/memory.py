@@ -16,6 +16,7 @@ import statistics
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Any
@@ -33,6 +34,7 @@ _LOOKS = 20
 _WARM_UP = 4  # one part in so many
 _IMAGE_BYTES = 256 << 10
 _TOPIC = "/bench_memory"
+_LAST_S = 30.0  # for what was sent and has not come, at most
 
 
 def message_of(kind: str) -> Any:
@@ -78,15 +80,17 @@ def _end(role: str, kind: str, endpoint: str, total: int) -> None:
         metaros.Context(domain_id=0, shared_memory=mode, **where) as context,
         metaros.Node(f"bench_{role}", context=context) as node,
     ):
-        message = message_of(kind)
+        message, pause = message_of(kind), threading.Event()
         if role == "sub":
             node.create_subscription(type(message), _TOPIC, looks.one, qos)
             threading.Thread(target=metaros.spin, args=(node,), daemon=True).start()
             print("ready", flush=True)
             sys.stdin.readline()
+            until_s = time.monotonic() + _LAST_S
+            while looks.count < total and time.monotonic() < until_s:  # what was sent may be on its way
+                pause.wait(0.01)
         else:
             publisher = node.create_publisher(type(message), _TOPIC, qos)
-            pause = threading.Event()
             while not publisher.events.matched:
                 pause.wait(0.01)
             for _ in range(total):

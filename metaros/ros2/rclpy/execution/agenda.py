@@ -149,17 +149,13 @@ class Agenda:
             else:
                 self._tasks_came = False
             self._asks = False
-            for handle, node in self._nodes.items():
-                for waitable in node.waitables:
-                    if not getattr(waitable, "_by_mail", False):
-                        self._asks = True
-                        self._gather_waitables(node, executor, found, waits)
-                        break
-                self._gather_timers(handle, node, found, waits)
-                for guard in node.guards:
-                    if guard.handle.triggered and id(guard) not in self._handed:
-                        self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
-            self._gather_mail(found, waits)
+            mail = self._take_mail()  # first: what is run now must be there when waitables are asked
+            try:
+                self._gather_the_rest(executor, found, waits)
+            except BaseException:  # of somebody's waitable or group, or Ctrl-C: the mail waits for the next look
+                self._parked = mail + self._parked
+                raise
+            self._gather_mail(mail, found, waits)
             self.due_s = time.monotonic() + min(waits) if waits else None
             if not found:
                 return None
@@ -169,6 +165,19 @@ class Agenda:
                 return None
             self.entries.extend(found[1:])
             return first
+
+    def _gather_the_rest(self, executor: Any, found: list[Work | Task[Any]], waits: list[float]) -> None:
+        """Waitables, timers and guard conditions."""
+        for handle, node in self._nodes.items():
+            for waitable in node.waitables:
+                if not getattr(waitable, "_by_mail", False):
+                    self._asks = True
+                    self._gather_waitables(node, executor, found, waits)
+                    break
+            self._gather_timers(handle, node, found, waits)
+            for guard in node.guards:
+                if guard.handle.triggered and id(guard) not in self._handed:
+                    self._choose(GuardWork(guard, guard.callback_group, node), found, waits)
 
     def gather_timers(self) -> None:
         """Put those that became due first on the agenda."""
@@ -269,19 +278,21 @@ class Agenda:
             self._parked.append(mailbox)
             return None
 
-    def _gather_mail(self, found: list[Work | Task[Any]], waits: list[float]) -> None:
+    def _take_mail(self) -> list[Mailbox]:
+        """The mailboxes with items, those that waited for their group first."""
         ingress = self.ingress()
         if ingress is None:
-            return
+            return []
         ingress.collect()
-        parked = self._parked
-        if parked:
-            self._parked = []
+        parked, self._parked = self._parked, []
+        return parked + ingress.take_ready(self.queue)
+
+    def _gather_mail(self, mail: list[Mailbox], found: list[Work | Task[Any]], waits: list[float]) -> None:
         late: list[Any] = []  # responses: as in rclpy after messages that came with them
-        for mailbox in parked + ingress.take_ready(self.queue):
+        for mailbox in mail:
             node: Any = self._nodes.get(mailbox.owner)
             if node is None or not mailbox.pending or mailbox.busy:
-                ingress.requeue(mailbox)
+                mailbox.owner.ingress.requeue(mailbox)  # type: ignore[attr-defined]
                 continue
             work = MailWork(mailbox, mailbox.group, node)
             if not work.allowed():

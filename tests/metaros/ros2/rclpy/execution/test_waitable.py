@@ -79,6 +79,48 @@ class Own(Waitable[str]):
         self.done.set_result(taken_data)
 
 
+def test_a_message_that_comes_amid_the_look_is_seen_by_who_waits_for_it(
+    node: Node, executor: SingleThreadedExecutor
+) -> None:
+    string = interface("std_msgs/msg/String")
+    executor.add_node(node)
+    subscription = node.create_subscription(string, "amid", lambda message: None, 10)
+    publisher = node.create_publisher(string, "amid", 10)
+
+    class Late(Own):
+        """Its message comes when it has just been asked in vain."""
+
+        came = False
+
+        def is_ready(self, wait_set: WaitSet) -> bool:
+            if not self.came:
+                self.came = True
+                publisher.publish(string())
+                return False
+            return super().is_ready(wait_set)
+
+    waitable = Late("subscription", subscription)
+    node.add_waitable(waitable)
+    executor.spin_until_future_complete(waitable.done, 5)
+    assert waitable.done.result() == "subscription"
+
+
+def test_mail_is_not_lost_where_a_waitable_fails(node: Node, executor: SingleThreadedExecutor) -> None:
+    string = interface("std_msgs/msg/String")
+    executor.add_node(node)
+    heard: list[str] = []
+    node.create_subscription(string, "kept", lambda message: heard.append(message.data), 10)
+    publisher = node.create_publisher(string, "kept", 10)
+    waitable = Own("nothing", None)  # a wait set has no such kind
+    node.add_waitable(waitable)
+    publisher.publish(string(data="here"))
+    with pytest.raises(AttributeError, match="add_nothing"):
+        executor.spin_once(1)
+    node.remove_waitable(waitable)
+    executor.spin_once(5)
+    assert heard == ["here"]
+
+
 def test_a_waitable_is_run_when_what_it_waits_for_is_ready(
     node: Node, executor: SingleThreadedExecutor, rclpy_context: Context
 ) -> None:
