@@ -120,7 +120,8 @@ class RemoteTopicSource:
     def _find(self) -> FoundTopic:
         """The topic as the robot's agent announced it."""
         from metaros.cli.shared.names import no_such
-        from metaros.cli.shared.topic_lookup import FoundTopic, sensible_qos
+        from metaros.cli.shared.topic_lookup import FoundTopic
+        from metaros.wire.matching import reading_qos
 
         name, wanted = self._robot.absolute(self._ask[0]), self._ask[1]
         topics = {item["topic"]: item for item in self._robot.http.get(self._robot.path("topics"))["topics"]}
@@ -131,7 +132,7 @@ class RemoteTopicSource:
         if wanted and wanted not in (kind, kind.replace("/msg/", "/")):
             raise UsageError(f"{name} is a {kind}, not a {wanted}")
         catalogue = None if self._raw else self._catalogue(kind, type_hash)
-        return FoundTopic(name, kind, type_hash, sensible_qos([]), catalogue)
+        return FoundTopic(name, kind, type_hash, reading_qos([]), catalogue)
 
     def _catalogue(self, kind: str, type_hash: str) -> Catalogue:
         """Ours where it has that very type, else what the robot announced of it."""

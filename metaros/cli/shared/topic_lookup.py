@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from metaros.node import Context
     from metaros.wire import EndpointInfo, QoSProfile
 
-__all__ = ["FoundTopic", "find_topic", "sensible_qos"]
+__all__ = ["FoundTopic", "find_topic"]
 
 _ASK_S = 2.0  # for each node that is asked what its type is
 
@@ -35,6 +35,8 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
 
     Unless `raw`, its definition is needed: that of the catalogue, if the hash is the publishers', else theirs.
     """
+    from metaros.wire.matching import reading_qos
+
     name = absolute(topic)
     wanted = expand(type_name) if type_name else ""
     context.graph.wait_for(lambda: bool(_matching(context, name, wanted)), spin_time)
@@ -44,7 +46,7 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     if not ends:
         if wanted:  # nobody yet: listen all the same
             wanted = full_type(type_name)
-            return FoundTopic(name, wanted, _own_hash(wanted), sensible_qos([]))
+            return FoundTopic(name, wanted, _own_hash(wanted), reading_qos([]))
         known = list(context.graph.topics())
         hint = closest(name, known) or "`metaros topic list` shows those there are; with a TYPE it waits for one"
         raise UnavailableError(f"no topic {name!r} in the graph\n{hint}")
@@ -54,20 +56,7 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     publishers = [item for item in ends if item.kind == "MP"] or ends
     type_hash = publishers[0].type_hash
     catalogue = None if raw else _definition(context, name, types[0], type_hash)
-    return FoundTopic(name, types[0], type_hash, sensible_qos([item.qos for item in publishers]), catalogue)
-
-
-def sensible_qos(offered: list[QoSProfile]) -> QoSProfile:
-    """Read what all publishers offer: best effort unless all are reliable, old samples where all keep them."""
-    from metaros.wire import Durability, QoSProfile, Reliability
-
-    reliable = all(qos.reliability is Reliability.RELIABLE for qos in offered)
-    kept = bool(offered) and all(qos.durability is Durability.TRANSIENT_LOCAL for qos in offered)
-    return QoSProfile(
-        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
-        durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
-        depth=100,
-    )
+    return FoundTopic(name, types[0], type_hash, reading_qos([item.qos for item in publishers]), catalogue)
 
 
 def _matching(context: Context, name: str, wanted: str) -> list[EndpointInfo]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from metaros.cli.shared.topic_lookup import sensible_qos
 from metaros.wire import Durability, QoSProfile, Reliability, qos_default, qos_sensor_data, qos_transient_local
+from metaros.wire.matching import reading_qos
 
 
 def kinds(*offered: QoSProfile) -> tuple[Reliability, Durability]:
     """What is asked for where these are offered."""
-    qos = sensible_qos(list(offered))
+    qos = reading_qos(offered)
     return qos.reliability, qos.durability
 
 
