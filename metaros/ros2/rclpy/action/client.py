@@ -66,6 +66,7 @@ class ActionClient(Waitable[Any]):
         self._lock = threading.Lock()
         self._destroyed = False
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle]] = {}
+        self._statuses: dict[bytes, int] = {}  # what the server last told: of a quick goal it may overtake the answer
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
         handle, group = node.handle, self.callback_group
 
@@ -143,7 +144,9 @@ class ActionClient(Waitable[Any]):
         with self._lock:
             if goal_id in self._goal_handles:
                 raise RuntimeError(f"Two goals were accepted with the same ID ({goal_handle})")
-            self._goal_handles[goal_id] = weakref.ref(goal_handle)
+            goal_handle._status = self._statuses.get(goal_id, goal_handle.status)
+            if goal_handle.status not in TERMINAL:
+                self._goal_handles[goal_id] = weakref.ref(goal_handle)
         return goal_handle
 
     def _cancel_goal(self, goal_handle: ClientGoalHandle) -> Any:
@@ -180,16 +183,17 @@ class ActionClient(Waitable[Any]):
         return None if callback is None else callback(message)
 
     def _on_status(self, message: Any) -> None:
+        statuses = {uuid_bytes(entry.goal_info.goal_id): entry.status for entry in message.status_list}
         with self._lock:
-            for entry in message.status_list:
-                goal_id = uuid_bytes(entry.goal_info.goal_id)
+            self._statuses = statuses
+            for goal_id, status in statuses.items():
                 reference = self._goal_handles.get(goal_id)
                 if reference is None:
                     continue
                 goal_handle = reference()
                 if goal_handle is not None:
-                    goal_handle._status = entry.status
-                if goal_handle is None or entry.status in TERMINAL:
+                    goal_handle._status = status
+                if goal_handle is None or status in TERMINAL:
                     del self._goal_handles[goal_id]
 
     # -- the server ------------------------------------------------------------------------------------------------

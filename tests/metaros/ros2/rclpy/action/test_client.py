@@ -154,6 +154,18 @@ def test_feedback_by_a_coroutine_function_and_a_goal_id_of_ones_own(
     assert heard == [goal_id] == [handle.goal_id]
 
 
+def test_a_status_that_overtakes_the_answer(
+    spun: Spun, client: ActionClient, server: PlainServer, fibonacci: Any
+) -> None:
+    client.wait_for_server()
+    goal_id = interface("unique_identifier_msgs/msg/UUID")(uuid=list(range(16)))
+    server.tell_status(goal_id, STATUS.STATUS_SUCCEEDED)  # of a goal that took no time
+    spun.while_not(lambda: client._statuses)
+    handle = spun.until(client.send_goal_async(fibonacci.Goal(), goal_uuid=goal_id))
+    assert handle.status == STATUS.STATUS_SUCCEEDED
+    assert client._goal_handles == {}
+
+
 def test_several_goals_a_cancel_and_a_refusal(
     spun: Spun, client: ActionClient, server: PlainServer, fibonacci: Any
 ) -> None:
