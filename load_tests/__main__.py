@@ -1,8 +1,8 @@
 """`make bench`: every benchmark, or the ones named. Each prints medians of interleaved rounds against its peers.
 
 Options after a single name are that benchmark's own: `python -m load_tests peers --quick`. At the end one table has the
-figures, goals and peers of what ran; `--summary` prints it of the last run of each, and runs nothing; `--markdown` as
-docs/topics/performance.md has it, `--write` puts it there.
+figures, goals and peers of what ran, and what became slower than what is published; `--summary` prints it of the last
+run of each, and runs nothing; `--markdown` as docs/topics/performance.md has it, `--write` keeps and publishes them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import itertools
 import sys
 
 from load_tests.figures import gathered
+from load_tests.goals import of_benchmark
 from load_tests.summary import print_summary, summarise
 
 LIBRARY = {
@@ -53,6 +54,11 @@ def module_of(name: str) -> str:
     return f"load_tests.benchmarks.{'library' if name in LIBRARY else 'gateway'}.{name}"
 
 
+def runs_of(name: str) -> list[list[str]]:
+    """The options of each run that a figure of this benchmark asks for; one without any where none does."""
+    return [options.split() for options in dict.fromkeys(goal.options for goal in of_benchmark(name))] or [[]]
+
+
 def main(argv: list[str]) -> int:
     """Run the named benchmarks, all without names; exit code 2 for what there is not, 1 when one failed."""
     if argv[:1] == ["--summary"]:
@@ -70,11 +76,12 @@ def main(argv: list[str]) -> int:
         return 2
     codes, chosen = [], names or list(BENCHMARKS)
     for name in chosen:
-        if not options:
-            print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
-        with gathered(name, options) as run:
-            run.code = int(importlib.import_module(module_of(name)).main(options) or 0)
-        codes.append(run.code)
+        for wanted in [options] if options else runs_of(name):
+            if not options:
+                print(f"\n{' '.join((name, *wanted))}: {BENCHMARKS[name]}\n", flush=True)
+            with gathered(name, wanted) as run:
+                run.code = int(importlib.import_module(module_of(name)).main(wanted) or 0)
+            codes.append(run.code)
     print_summary(chosen)
     return int(any(codes))
 

@@ -1,4 +1,4 @@
-"""The figures of a benchmark's run, kept as JSON in `.make/bench/`: what the summary and the page of figures show.
+"""The figures of a benchmark's run, as JSON in `.make/bench/`; those of the last published one are in the repository.
 
 A benchmark notes what it has just measured under a name that stands in `load_tests/goals.py`, a value a round. Whoever
 runs it gathers what it noted; a benchmark that is run by itself, as a module, keeps nothing.
@@ -10,16 +10,20 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["FOLDER", "Noted", "Run", "gathered", "note", "read_runs"]
+from load_tests.goals import variant_of
+
+__all__ = ["FOLDER", "KEPT", "Noted", "Run", "gathered", "keep", "note", "read_kept", "read_runs"]
 
 FOLDER = Path(__file__).resolve().parents[1] / ".make" / "bench"
+KEPT = Path(__file__).resolve().parent / "kept_runs.json"
+_DIGITS = 6  # of a value: more than any benchmark can tell apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,11 @@ class Run:
     code: int = 0
     figures: dict[str, Noted] = field(default_factory=dict)
     peers: dict[str, str] = field(default_factory=dict)  # versions of those that are installed
+
+    @property
+    def name(self) -> str:
+        """The benchmark, and those of its options without which the figures are others."""
+        return f"{self.benchmark} {variant_of(self.benchmark, self.options)}".rstrip()
 
 
 PEERS = ("eclipse-zenoh", "foxglove-sdk", "mcap", "moto", "pyzmq", "rosbags", "velodyne-decoder")
@@ -70,19 +79,44 @@ def gathered(benchmark: str, options: Sequence[str], *, folder: Path = FOLDER) -
     run.seconds = time.monotonic() - began_s
     if run.figures:
         folder.mkdir(parents=True, exist_ok=True)
-        draft = folder / f"{benchmark}.json.new"
+        file = folder / f"{run.name.replace(' ', '')}.json"
+        draft = file.with_suffix(".new")
         draft.write_text(json.dumps(asdict(run), indent=1) + "\n")
-        draft.replace(folder / f"{benchmark}.json")
+        draft.replace(file)
 
 
 def read_runs(folder: Path = FOLDER) -> dict[str, Run]:
-    """The last run of every benchmark that has one."""
+    """The last run of every benchmark that has one, by its name."""
+    return _by_name(json.loads(path.read_text()) for path in sorted(folder.glob("*.json")))
+
+
+def read_kept(file: Path = KEPT) -> dict[str, Run]:
+    """The runs whose figures are published, by their names."""
+    return _by_name(json.loads(file.read_text())) if file.exists() else {}
+
+
+def keep(runs: Mapping[str, Run], file: Path = KEPT) -> dict[str, Run]:
+    """Let these be what is published, each in the place of the one before; all that are kept then."""
+    kept = dict(sorted({**read_kept(file), **runs}.items()))
+    file.write_text(json.dumps([_rounded(asdict(run)) for run in kept.values()], indent=1) + "\n")
+    return kept
+
+
+def _by_name(stored: Iterable[dict[str, Any]]) -> dict[str, Run]:
     found = {}
-    for path in sorted(folder.glob("*.json")):
-        kept: dict[str, Any] = json.loads(path.read_text())
-        kept["figures"] = {name: Noted(**one) for name, one in kept["figures"].items()}
-        found[path.stem] = Run(**kept)
+    for one in stored:
+        one["figures"] = {name: Noted(**values) for name, values in one["figures"].items()}
+        run = Run(**one)
+        found[run.name] = run
     return found
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
 
 
 def machine() -> str:

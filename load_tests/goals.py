@@ -7,9 +7,10 @@ for its peer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["GOALS", "Goal", "of_benchmark"]
+__all__ = ["GOALS", "Goal", "of_benchmark", "variant_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,9 +36,14 @@ class Goal:
         return f"≤ {self.most:,g} {self.unit}".rstrip() if self.most is not None else ""
 
     @property
+    def run(self) -> str:
+        """The run that measures it: the benchmark, and the options that it needs."""
+        return f"{self.benchmark} {self.options}".rstrip()
+
+    @property
     def command(self) -> str:
         """What prints it."""
-        return f"python -m load_tests {self.benchmark} {self.options}".rstrip()
+        return f"python -m load_tests {self.run}"
 
     def met(self, value: float) -> bool | None:
         """Whether a figure is what was wanted; None where nothing was."""
@@ -49,6 +55,12 @@ class Goal:
 def of_benchmark(name: str) -> list[Goal]:
     """The figures of one benchmark."""
     return [goal for goal in GOALS if goal.benchmark == name]
+
+
+def variant_of(benchmark: str, options: Sequence[str]) -> str:
+    """Which of the runs that figures ask for one with these options is: their own options, "" for the plain one."""
+    wanted = {goal.options for goal in of_benchmark(benchmark)} - {""}
+    return max((one for one in wanted if set(one.split()) <= set(options)), key=len, default="")
 
 
 _ROSBAGS, _RAW, _SDK, _RIE = "rosbags", "eclipse-zenoh", "foxglove-sdk", "AWS RIE"

@@ -1,4 +1,7 @@
-"""One table of what the benchmarks measured: figure, spread, goal, peer; on a terminal, or as Markdown for the docs."""
+"""One table of what the benchmarks measured: figure, spread, goal, peer; on a terminal, or as Markdown for the docs.
+
+The docs have the runs that are kept in the repository, the terminal the last ones of this clone and what they changed.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from load_tests.figures import FOLDER, Run, read_runs
+from load_tests.compare import print_changes
+from load_tests.figures import FOLDER, KEPT, Run, keep, read_kept, read_runs
 from load_tests.goals import GOALS, Goal
 
 __all__ = ["PAGE", "Line", "as_markdown", "lines", "print_summary", "summarise", "written"]
@@ -70,7 +74,7 @@ def lines(runs: Mapping[str, Run], names: Collection[str] = ()) -> Iterator[Line
     for goal in GOALS:
         if names and goal.benchmark not in names:
             continue
-        run = runs.get(goal.benchmark)
+        run = runs.get(goal.run)
         noted = run.figures.get(goal.figure) if run is not None else None
         if noted is None:
             yield Line(goal, run, (), ())
@@ -78,8 +82,10 @@ def lines(runs: Mapping[str, Run], names: Collection[str] = ()) -> Iterator[Line
             yield Line(goal, run, tuple(noted.values), tuple(noted.peer))
 
 
-def print_summary(names: Collection[str] = (), *, folder: Path = FOLDER, console: Console | None = None) -> None:
-    """The table of the last runs, and under what each of them ran."""
+def print_summary(
+    names: Collection[str] = (), *, folder: Path = FOLDER, kept: Path = KEPT, console: Console | None = None
+) -> None:
+    """The table of the last runs, under what each of them ran, and what changed since the published ones."""
     console, runs = console or Console(), read_runs(folder)
     if not console.is_terminal:
         console.width = max(console.width, WIDTH)
@@ -100,8 +106,9 @@ def print_summary(names: Collection[str] = (), *, folder: Path = FOLDER, console
     verdicts = [line.met for line in found] + [held for _, held in fleet]
     met, missed = verdicts.count(True), verdicts.count(False)
     console.print(f"{met} {'goal' if met == 1 else 'goals'} met, {missed} missed.", highlight=False)
-    for run in (runs[name] for name in dict.fromkeys(line.goal.benchmark for line in found) if name in runs):
+    for run in (runs[name] for name in dict.fromkeys(line.goal.run for line in found) if name in runs):
         console.print(f"  {run.benchmark}: {_circumstances(run)}", highlight=False, style="dim")
+    print_changes(names, console=console, file=kept, folder=folder)
 
 
 def as_markdown(runs: Mapping[str, Run]) -> str:
@@ -116,11 +123,8 @@ def as_markdown(runs: Mapping[str, Run]) -> str:
         mark = f"**{mark.lower()}**" if line.met is False else mark
         cells = (figure, measured, spread, wanted, mark, peer, theirs, ratio, f"`{line.goal.command}`")
         out.append(f"| {' | '.join(cells)} |")
-    fleet = _fleet(FOLDER.parent / "fleet")
-    out += ["", "| a fleet on one gateway | |", "|---|---|"] if fleet else []
-    out += [f"| {text} | {'met' if held else '**missed**'} |" for text, held in fleet]
     out += ["", "| benchmark | when, on what |", "|---|---|"]
-    out += [f"| `{name}` | {_circumstances(run)} |" for name, run in runs.items()]
+    out += [f"| `{run.benchmark}` | {_circumstances(run)} |" for run in runs.values()]
     return "\n".join(out) + "\n"
 
 
@@ -135,12 +139,13 @@ def summarise(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m load_tests --summary")
     parser.add_argument("names", nargs="*", help="benchmarks; all without")
     parser.add_argument("--markdown", action="store_true", help="as docs/topics/performance.md has it")
-    parser.add_argument("--write", action="store_true", help="put it there")
+    parser.add_argument("--write", action="store_true", help="keep these runs, and put them there")
     options = parser.parse_args(list(argv))
     if options.write:
-        PAGE.write_text(written(PAGE.read_text(), read_runs()))
+        runs = {name: run for name, run in read_runs().items() if not options.names or run.benchmark in options.names}
+        PAGE.write_text(written(PAGE.read_text(), keep(runs)))
     elif options.markdown:
-        print(as_markdown(read_runs()), end="")
+        print(as_markdown(read_kept() | read_runs()), end="")
     else:
         print_summary(options.names)
     return 0
