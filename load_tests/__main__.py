@@ -39,6 +39,7 @@ GATEWAY = {
     "fleet": "thousands of robots on one gateway over the real link: steady, storm, viewers, bulk, chaos, growth",
     "functions": "calls of a function: engine, gateway and boto3 beside AWS's runtime interface emulator",
     "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
+    "idle": "what metaros up costs while nobody watches: agents, gateway, simulator",
     "ingest": "metric rows and samples through a real gateway",
     "rest": "pages of 100 of ten thousand robots for 50 clients at a time",
     "rules": "one event among 1,000 and 10,000 event patterns, beside asking each and moto's matcher",

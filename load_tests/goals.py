@@ -167,6 +167,9 @@ GOALS: tuple[Goal, ...] = (
     Goal(benchmark="lidar", figure="parsing at full rate", unit="% of a core", most=25, peer="velodyne-decoder"),
     Goal(benchmark="lidar", figure="driver at full rate", unit="% of a core"),
     Goal(benchmark="lidar", figure="packets lost on the way to a subscriber", unit="", most=0),
+    Goal(benchmark="idle", figure="an agent, nobody watching", unit="% of a core", most=2),
+    Goal(benchmark="idle", figure="the gateway, nobody watching", unit="% of a core", most=3),
+    Goal(benchmark="idle", figure="the simulator, nobody watching", unit="% of a core"),
     Goal(benchmark="rules", figure="one event, 1,000 rules", unit="µs", most=150, peer="moto"),
     Goal(benchmark="rules", figure="one event, 10,000 rules", unit="µs", peer="moto"),
 )

@@ -47,7 +47,7 @@ class RingSnapshot(NamedTuple):
 
 class _Batch(NamedTuple):
     arrivals: Sequence[Arrival]
-    log_ns: int
+    clock_ns: int  # what the wall's clock was ahead of the monotonic one
     size_bytes: int
 
 
@@ -120,7 +120,8 @@ class BlackBox:
             full = self._waiting_bytes + size_bytes > self._queue_bytes
             if not full:
                 self._waiting_bytes += size_bytes
-                self._waiting.append(_Batch(arrivals, self._clock.wall_ns(), size_bytes))
+                clock_ns = self._clock.wall_ns() - round(self._clock.monotonic_s() * 1e9)
+                self._waiting.append(_Batch(arrivals, clock_ns, size_bytes))
         if not full:
             if self._waiting_bytes > GATHER_BYTES:
                 self._wake.set()
@@ -215,13 +216,14 @@ class BlackBox:
 
     def _write(self, ring: Ring, batch: _Batch) -> None:
         takes, sources = self._takes, self._sources
-        for channel, payload, _, stamp_ns, _, gid, sequence in batch.arrivals:
+        for channel, payload, _, stamp_ns, arrived_s, gid, sequence in batch.arrivals:
             wanted = takes.get(channel.topic)
             if wanted is None:
                 wanted = self._wants(channel.topic)
             if wanted:
                 source = sources.get((channel.channel_id, gid)) or self._meet(channel, gid)
-                ring.write(source, sequence, batch.log_ns, stamp_ns, bytes(payload))
+                log_ns = batch.clock_ns + round(arrived_s * 1e9)
+                ring.write(source, sequence, log_ns, stamp_ns, bytes(payload))
 
     # -- both threads --------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ watches or not. It is for the gateway's store alone; here and there people see o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from edge_agent.config.topic_table import Delivery, TopicRule, TopicTable, series_name
@@ -40,6 +40,8 @@ class Channels:
         self._by_id: dict[int, Channel] = {}
         self._series: list[tuple[int, link_pb2.Series]] = []
         self.revision = 0
+        self.watched = False  # somebody wants samples of a topic now
+        self.on_watched: Callable[[], None] = lambda: None  # called when that begins
         self.refused = 0
         for known in list(ids.channels.values()):
             self._recall(known)
@@ -99,6 +101,9 @@ class Channels:
             if channel.deadband is not None and watched and channel.selector.demand_hz is None:
                 channel.deadband.reset()  # who begins to watch sees where things stand
             channel.selector.demand(entries.get(channel.channel_id))
+        self.watched = bool(entries)
+        if self.watched:
+            self.on_watched()
 
     def announcements(self, after: int) -> Iterator[link_pb2.Announce]:
         """What is new or changed since revision `after`, in frames of bounded size."""

@@ -14,27 +14,39 @@ from metaros.errors import DecodeError
 
 __all__ = ["Deadband", "MetricExtractor", "RateLimiter", "SampleDeadband", "Selector"]
 
+_QUICK = 0.3  # periods between two samples of a source that is much faster than its limit,
+_FAST = 3  # where so many come so one after the other: not only after a pause of the network
+_ROUNDING = 1e-6  # of a period: what a sum of periods may be off
+
 
 class RateLimiter:
     """Admits at most `rate_hz` on average, and forgives a sample that is off by up to half a period.
 
-    The forgiveness keeps a source that runs at just the limit, but with jitter, from being halved.
+    The forgiveness keeps a source that runs at just the limit, but with jitter, from being halved. Of a source that is
+    much faster than the limit the samples are taken that follow the whole periods of the clock, so that those of many
+    topics come together: what is done with them (a sync of the disk, a frame, a commit) is then done once for all.
     """
 
-    __slots__ = ("_due_s", "_period_s", "_slack_s")
+    __slots__ = ("_due_s", "_period_s", "_quick", "_seen_s", "_slack_s")
 
     def __init__(self, rate_hz: float) -> None:
         self._period_s = 1.0 / rate_hz if rate_hz > 0 else 0.0
         self._slack_s = self._period_s / 2
-        self._due_s = -math.inf
+        self._due_s = self._seen_s = -math.inf
+        self._quick = 0  # so many samples came soon after the one before
 
     def admit(self, now_s: float) -> bool:
         """Whether a sample that arrives now goes on."""
-        if now_s < self._due_s - self._slack_s:
-            return False
-        late = now_s > self._due_s + self._slack_s
-        self._due_s = (now_s if late else self._due_s) + self._period_s
-        return True
+        self._quick = self._quick + 1 if now_s - self._seen_s < self._period_s * _QUICK else 0
+        self._seen_s = now_s
+        admitted = now_s >= self._due_s - self._slack_s
+        if admitted:
+            late = now_s > self._due_s + self._slack_s
+            self._due_s = (now_s if late else self._due_s) + self._period_s
+        if self._quick >= _FAST:
+            periods = math.ceil((self._due_s - self._slack_s) / self._period_s - _ROUNDING)
+            self._due_s = periods * self._period_s + self._slack_s
+        return admitted
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,9 @@
 Zenoh calls `sink`, which is SimpleQueue.put itself. One thread drains that queue, reads each sample's attachment, and
 keeps what the loop has not yet taken under a bound in bytes: what is over it is dropped and counted on its channel.
 The payload is not copied here; most live samples are dropped by the selection and never become Python bytes.
+
+While nobody watches, nothing that comes is for now: it gathers for as long as the outbox would gather it, and is then
+taken at once, so that a robot that is left alone wakes twenty times a second, whatever its topics do.
 """
 
 from __future__ import annotations
@@ -23,6 +26,8 @@ from metaros.wire.attachment import parse_attachment
 __all__ = ["Ingress"]
 
 AT_ONCE = 256
+GATHER_S = 0.05  # what the outbox counts from a sample's arrival, so that nothing is synced later for it
+GATHER_BYTES = 1 << 20  # what came at more than so much a gathering is not kept waiting
 Route = Callable[[str, bytes], Channel | None]
 
 
@@ -38,8 +43,13 @@ class Ingress:
         *,
         max_bytes: int = LIMITS.ingress_bytes,
         record: Callable[[list[Arrival]], None] | None = None,
+        watched: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`record` is given everything on the draining thread, also what the loop has no room for."""
+        """`record` is given everything on the draining thread, also what the loop has no room for.
+
+        `watched` says whether somebody waits for what comes, asked on that thread; it may gather where nobody does.
+        """
+        self._watched = watched
         self._record = record
         self._route = route
         self._take = take
@@ -48,6 +58,7 @@ class Ingress:
         self._max_bytes = max_bytes
         self._queue: SimpleQueue[Any] = SimpleQueue()
         self.sink: Callable[[Any], None] = self._queue.put
+        self._bell = threading.Event()
         self._lock = threading.Lock()
         self._ready: list[Arrival] = []
         self._ready_bytes = 0
@@ -57,14 +68,29 @@ class Ingress:
         self._thread = threading.Thread(target=self._drain, name="tap-drain", daemon=True)
         self._thread.start()
 
+    def urgent_sink(self, sample: Any) -> None:
+        """The sink of what may not gather, whether anybody watches or not."""
+        self._queue.put(sample)
+        self._bell.set()
+
+    def hurry(self) -> None:
+        """What gathers is wanted now."""
+        self._bell.set()
+
     def close(self) -> None:
         """Stop the thread; what is queued is forgotten."""
         self._queue.put(None)
+        self._bell.set()
         self._thread.join()
 
     def _drain(self) -> None:
+        behind = False
         while True:
             samples = [self._queue.get()]
+            since_s = self._clock.monotonic_s()
+            if not behind and not self._watched():
+                self._bell.wait(GATHER_S)
+                self._bell.clear()
             try:
                 while len(samples) < AT_ONCE:
                     samples.append(self._queue.get_nowait())
@@ -72,12 +98,19 @@ class Ingress:
                 pass
             if None in samples:
                 return
-            now_s = self._clock.monotonic_s()
-            arrivals = [arrival for sample in samples if (arrival := self._read(sample, now_s)) is not None]
+            arrivals = self._read_all(samples, since_s)
             if arrivals:
                 if self._record is not None:
                     self._record(arrivals)
                 self._offer(arrivals)
+            size_bytes = sum(arrival.size_bytes for arrival in arrivals)
+            behind = len(samples) == AT_ONCE or size_bytes > GATHER_BYTES
+
+    def _read_all(self, samples: list[Any], since_s: float) -> list[Arrival]:
+        """What came from `since_s` until now, as if it had come evenly."""
+        apart_s = (self._clock.monotonic_s() - since_s) / len(samples)
+        found = (self._read(sample, since_s + index * apart_s) for index, sample in enumerate(samples))
+        return [arrival for arrival in found if arrival is not None]
 
     def _read(self, sample: Any, now_s: float) -> Arrival | None:
         key = str(sample.key_expr)

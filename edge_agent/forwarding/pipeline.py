@@ -53,6 +53,7 @@ class Pipeline:
         self._wake_uplink = wake_uplink
         self._limits = limits
         self._latest = LatestOnly(outbox, wake_writer)
+        self._kept = False  # something of what is being taken over is for the outbox
         self.malformed = 0
 
     def take(self, arrivals: Iterable[Arrival], now_s: float) -> None:
@@ -62,7 +63,9 @@ class Pipeline:
             arrival.channel.messages += 1
             arrival.channel.size_bytes += arrival.size_bytes
             live_bytes += self._one(arrival)
-        self._wake_writer()
+        if self._kept:
+            self._kept = False
+            self._wake_writer()
         if live_bytes:
             self._linger.add(live_bytes, now_s)
             self._wake_uplink()
@@ -85,13 +88,15 @@ class Pipeline:
             self.malformed += 1
             return
         for row in rows:
-            self._outbox.append(METRIC_STREAM, "metric", arrival.stamp_ns, row)
+            self._outbox.append(METRIC_STREAM, "metric", arrival.stamp_ns, row, arrival.arrived_s)
+            self._kept = True
 
     def _sample(self, channel: Channel, arrival: Arrival) -> int:
         live = channel.delivery == "live"
         if arrival.size_bytes + (OVERHEAD_BYTES if channel.sealed else 0) > self._limits.sample_bytes:
             channel.dropped += 1
             if not live:
+                self._kept = True
                 self._outbox.give_up(channel.channel_id, channel.delivery, "too_large")
             return 0
         payload = bytes(arrival.payload)
@@ -103,10 +108,11 @@ class Pipeline:
         if live:
             self._live.append(channel, arrival.stamp_ns, payload)
             return arrival.size_bytes
+        self._kept = True
         if channel.rule.latest_only and channel.delivery == "bulk":
             self._latest.put(channel, arrival.stamp_ns, payload)
         else:
-            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
+            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload, arrival.arrived_s)
         return 0
 
 

@@ -62,8 +62,18 @@ class Tap:
         self._rosout_senders: dict[bytes, bool] = {}
         self._due: asyncio.TimerHandle | None = None
         self._closed = False
+        self._urgent: set[Topic] = set()  # those whose samples never gather
+        self._hurried = False  # a topic became urgent that is subscribed otherwise: then nothing gathers
         self._learner = TypeDiscovery(node, self._learned)
-        self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock, record=record)
+        self.ingress = Ingress(
+            self.route,
+            take,
+            self._loop.call_soon_threadsafe,
+            clock,
+            record=record,
+            watched=lambda: channels.watched or self._hurried,
+        )
+        channels.on_watched = self.ingress.hurry
         node.graph.on_change(self._on_change)
         self.reconcile()
 
@@ -96,7 +106,9 @@ class Tap:
             if channel is not None and endpoints:
                 self._routes[f"{channel.topic[1:]}|{channel.type_hash}"] = channel  # another one once its class changed
                 if topic not in self._subscriptions:
-                    self._subscribe(topic, endpoints)
+                    self._subscribe(topic, endpoints, urgent=channel.delivery == "event")
+                elif channel.delivery == "event" and topic not in self._urgent:
+                    self._hurried = True
             if channel is not None:
                 self._learner.ask(channel, endpoints)
         for channel in self._channels:
@@ -153,13 +165,13 @@ class Tap:
                 subscribers[name] += 1
         return publishers, subscribers
 
-    def _subscribe(self, topic: Topic, endpoints: list[EndpointInfo]) -> None:
+    def _subscribe(self, topic: Topic, endpoints: list[EndpointInfo], *, urgent: bool) -> None:
         name, type_name, type_hash = topic
+        sink = self.ingress.urgent_sink if urgent else self.ingress.sink
         try:
             qos = matching_qos([endpoint.qos for endpoint in endpoints])
-            self._subscriptions[topic] = self._node.create_raw_subscription(
-                name, type_name, type_hash, qos, self.ingress.sink
-            )
+            self._subscriptions[topic] = self._node.create_raw_subscription(name, type_name, type_hash, qos, sink)
+            (self._urgent.add if urgent else self._urgent.discard)(topic)
         except MetarosError as error:
             LOG.warning("cannot tap %s: %s", name, error)
 

@@ -122,14 +122,14 @@ class Outbox:
         """The most that a class may hold."""
         return self._classes[delivery].quota_bytes
 
-    def append(self, stream_id: int, delivery: str, stamp_ns: int, data: bytes | Row) -> None:
-        """Gather a sample. It is accepted once its flush is done."""
+    def append(self, stream_id: int, delivery: str, stamp_ns: int, data: bytes | Row, came_s: float = 0.0) -> None:
+        """Gather a sample, which came at `came_s` (0: now). It is accepted once its flush is done."""
         name, stream_id = self._route(stream_id, delivery)
         pending = self._pending[name]
         if pending.size_bytes > _GATHER_BYTES // len(LOGS) and self._gathered() > _GATHER_BYTES:
             self._lose(name, stream_id, "disk_slow")
             return
-        pending.append(stream_id, (stamp_ns, data), self._clock.monotonic_s())
+        pending.append(stream_id, (stamp_ns, data), came_s or self._clock.monotonic_s())
 
     def give_up(self, stream_id: int, delivery: str, reason: str) -> None:
         """Number a sample that cannot be kept: it becomes a gap."""

@@ -15,7 +15,7 @@ from edge_agent.blackbox.ring import Ring
 from edge_agent.config.topic_table import TopicTable
 from edge_agent.forwarding.channels import Channel, Channels
 from edge_agent.forwarding.pipeline import Arrival
-from metaros.clock import ManualClock
+from metaros.clock import ManualClock, SystemClock
 from metaros.idl import type_hash
 from metaros.record.ledger import Publisher
 from metaros.wire import Durability, QoSProfile
@@ -50,7 +50,7 @@ def text(data: str) -> bytes:
 
 def arrival(channel: Channel, sequence: int, payload: bytes, *, stamp_ns: int = 0, gid: bytes = bytes(16)) -> Arrival:
     """A sample as the tap hands it over."""
-    return Arrival(channel, payload, len(payload), stamp_ns, 0.0, gid, sequence)
+    return Arrival(channel, payload, len(payload), stamp_ns, SystemClock().monotonic_s(), gid, sequence)
 
 
 def read_clip(path: Path) -> list[tuple[str, int, int, int, bytes]]:

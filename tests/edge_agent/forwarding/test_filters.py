@@ -140,3 +140,14 @@ def test_each_series_has_a_dead_band_of_its_own() -> None:
     rows = [extractor.rows(payload, float(i)) for i, payload in enumerate(payloads)]
     assert rows == [[(7, 1.0), (9, 1.0)], [(9, 9.0)], [(7, 4.0)]]
     assert extractor.rows(payloads[-1], 61.0) == [(9, 9.0)]
+
+
+def test_fast_sources_are_thinned_to_the_same_moments() -> None:
+    limiters = [RateLimiter(2.0) for _ in range(5)]
+    taken = [
+        [moment for i in range(500) if limiter.admit(moment := 100.0 + phase + i / 50)]
+        for limiter, phase in zip(limiters, (0.0, 0.004, 0.008, 0.012, 0.016), strict=True)
+    ]
+    for moments in zip(*(moments[1:] for moments in taken), strict=True):
+        assert max(moments) - min(moments) < 1 / 50
+    assert all(later - earlier == pytest.approx(0.5, abs=1 / 49) for earlier, later in pairwise(taken[0][1:]))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from queue import SimpleQueue
+from threading import Event
 
 import pytest
 
 from edge_agent.config.topic_table import TopicTable
 from edge_agent.forwarding.channels import Channel, Channels
-from edge_agent.forwarding.ingress import Ingress
+from edge_agent.forwarding.ingress import GATHER_S, Ingress
 from edge_agent.forwarding.pipeline import Arrival
 from metaros.clock import ManualClock
 from metaros.wire.attachment import pack_attachment
@@ -108,3 +110,36 @@ def test_a_bad_attachment_is_counted(rig: Rig, attachment: bytes | None) -> None
     rig.put(sample(attachment=attachment), sample())
     wait_until(lambda: rig.wakes)
     assert rig.ingress.malformed == {"a": 1}
+
+
+class _Bell:
+    """Stands in for the ingress's: what gathers waits until the test says so."""
+
+    def __init__(self) -> None:
+        self.waits: SimpleQueue[float] = SimpleQueue()
+        self.rung = Event()
+
+    def wait(self, timeout_s: float) -> None:
+        self.waits.put(timeout_s)
+        self.rung.wait(60)
+
+    def set(self) -> None:
+        self.rung.set()
+
+    def clear(self) -> None:
+        self.rung.clear()
+
+
+@pytest.mark.parametrize("how", ["watched", "urgent"])
+def test_unwatched_samples_gather_until_somebody_wants_them(rig: Rig, how: str) -> None:
+    bell = rig.ingress._bell = _Bell()  # type: ignore[assignment]
+    rig.ingress._watched = lambda: False
+    rig.ingress.sink(sample())
+    assert bell.waits.get(timeout=60) == GATHER_S
+    rig.ingress.sink(sample(payload=b"2"))
+    assert rig.gids == []
+    if how == "watched":
+        rig.ingress.hurry()
+    else:
+        rig.ingress.urgent_sink(sample(payload=b"3"))
+    wait_until(lambda: len(rig.gids) >= 2)
