@@ -60,7 +60,7 @@ class Rows:
     """Metric rows of one robot as columns: `index` points into `series`."""
 
     series: tuple[Series, ...]
-    index: npt.NDArray[np.uint32]
+    index: npt.NDArray[np.unsignedinteger]
     stamps: npt.NDArray[np.int64]
     values: npt.NDArray[np.float64]
 
@@ -69,7 +69,7 @@ class Rows:
 
     def after(self, skip: int) -> Rows:
         """The rows without the first `skip` of them."""
-        return Rows(self.series, self.index[skip:], self.stamps[skip:], self.values[skip:])
+        return self if not skip else Rows(self.series, self.index[skip:], self.stamps[skip:], self.values[skip:])
 
 
 @dataclass(frozen=True, slots=True)

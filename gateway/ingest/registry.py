@@ -260,7 +260,9 @@ class RobotRecord:
         newest: dict[str, tuple[int, float]] = {}
         for series, count, stamp_ns, value in zip(rows.series, counts, stamps, values, strict=True):
             if count:
-                state = self.series.setdefault(series.name, SeriesState(series))
+                state = self.series.get(series.name)
+                if state is None:
+                    state = self.series[series.name] = SeriesState(series)
                 state.samples += count
                 if fresh or state.stamp_ns is None or stamp_ns > state.stamp_ns:
                     state.stamp_ns, state.value = stamp_ns, value

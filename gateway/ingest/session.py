@@ -12,9 +12,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from gateway.domain.channel import LIVE, METRIC, METRIC_STREAM, Channel, Series
+from gateway.domain.channel import LIVE, METRIC, METRIC_STREAM, Channel
+from gateway.domain.distinct import distinct
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.domain.trace import RobotTimes, read_trace
@@ -35,8 +34,9 @@ from gateway.ingest.events import (
     WriterKnown,
 )
 from gateway.ingest.frame_checks import ROS_FRAMES, read_leases, read_recording, read_ros, read_twin
-from gateway.ingest.handshake import LANES, check_hello, read_channel, read_series
+from gateway.ingest.handshake import LANES, check_hello, read_channel
 from gateway.ingest.quota import Meter
+from gateway.ingest.series_table import SeriesTable
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
@@ -80,7 +80,7 @@ class Session:
         self.session_id = hello.session_id
         self.number = int(hello.session_number)
         self.channels: dict[int, Channel] = {}
-        self._series: dict[int, Series] = {}
+        self._series = SeriesTable()
         self._streams = streams
         self._gateway_id = gateway_id
         self._store_id = store_id
@@ -273,13 +273,10 @@ class Session:
             self._schema_bytes += len(channel.schema) - (len(known.schema) if known is not None else 0)
         if self._schema_bytes > self._limits.schemas_bytes:
             raise ProtocolError(f"the schemas of one robot have at most {self._limits.schemas_bytes} bytes")
-        series = {s.series_id: read_series(s) for s in frame.announce.series}
-        for number, item in series.items():
-            if self._series.setdefault(number, item).name != item.name:
-                raise ProtocolError(f"series {number} was {self._series[number].name}, it cannot become {item.name}")
+        series = self._series.announce(frame.announce.series)
         if len(self.channels) > self._limits.channels_per_robot or len(self._series) > self._limits.series_per_robot:
             raise ProtocolError("too many channels or series for one robot")
-        return [Announced(tuple(channels), tuple(series.values()))]
+        return [Announced(tuple(channels), series)]
 
     def _on_batches(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         events: list[Event] = []
@@ -335,18 +332,10 @@ class Session:
             if wait_s:
                 return self._wait(lane, wait_s)
         columns = unpack_metrics(frame.metrics, limits=self._limits)
-        numbers, index = np.unique(columns.series_ids, return_inverse=True)
-        unknown = [number for number in numbers.tolist() if number not in self._series]
-        if unknown:
-            raise ProtocolError(f"series {unknown[0]} was not announced")
+        numbers, index = distinct(columns.series_ids)
+        series = self._series.together(tuple(numbers))
         accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
-        fresh = slice(accepted.duplicates, None)
-        rows = Rows(
-            tuple(self._series[number] for number in numbers.tolist()),
-            index.astype(np.uint32)[fresh],
-            columns.stamps_ns[fresh],
-            columns.values[fresh],
-        )
+        rows = Rows(series, index, columns.stamps_ns, columns.values).after(accepted.duplicates)
         return [
             RowsArrived(rows, columns.stream_id, columns.epoch, accepted.seq, accepted.duplicates, lane != BACKFILL)
         ]

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 import orjson
 
-from gateway.domain.channel import EVENT, Channel
+from gateway.domain.channel import EVENT, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Rows, Run
 from gateway.store.engine import StoreEngine, placeholders, signed, slices
@@ -24,6 +25,7 @@ __all__ = ["CommitHook", "Committer"]
 
 _Key = tuple[int, int, int]  # robot, stream, epoch
 _REMEMBERED_MARKS = 1 << 18
+_REMEMBERED_SETS = 1 << 12  # of series; each is kept alive by it
 
 _PUT_ROBOT = """
     INSERT INTO robots (id, namespace, hostname, agent_version, labels, first_seen_ns, last_seen_ns)
@@ -98,6 +100,7 @@ class Committer:
         self._name = f"last_commit_ns {name}"
         self._robots: dict[str, int] = {}
         self._series: dict[tuple[int, str], int] = {}
+        self._sets: dict[tuple[int, int], tuple[tuple[Series, ...], npt.NDArray[np.uint32]]] = {}
         self._channels: dict[tuple[Any, ...], int] = {}
         self._marks: dict[_Key, int] = {}
 
@@ -112,7 +115,7 @@ class Committer:
                 marks = self._put_streams([write for write in writes if isinstance(write, StreamWrite)], now_ns)
         except BaseException:
             # Numbers given inside the rolled back transaction do not exist.
-            for cache in (self._robots, self._series, self._channels, self._marks):
+            for cache in (self._robots, self._series, self._sets, self._channels, self._marks):
                 cache.clear()
             if self.commit_hook is not None:
                 self.commit_hook.on_aborted()
@@ -203,15 +206,19 @@ class Committer:
         )
 
     def _metric_row(self, robot: int, rows: Rows, now_ns: int) -> tuple[Any, ...]:
-        numbers = np.array([self._series_number(robot, s.name, s.topic, s.field) for s in rows.series], np.uint32)
-        return (
-            robot,
-            len(rows),
-            now_ns,
-            numbers[rows.index].tobytes(),
-            rows.stamps.tobytes(),
-            rows.values.tobytes(),
-        )
+        numbers = self._series_numbers(robot, rows.series)[rows.index]
+        return robot, len(rows), now_ns, numbers.data, rows.stamps.data, rows.values.data
+
+    def _series_numbers(self, robot: int, series: tuple[Series, ...]) -> npt.NDArray[np.uint32]:
+        """The numbers of series that came together; found at once where the very same came before."""
+        known = self._sets.get((robot, id(series)))
+        if known is not None and known[0] is series:
+            return known[1]
+        numbers = np.array([self._series_number(robot, s.name, s.topic, s.field) for s in series], np.uint32)
+        if len(self._sets) >= _REMEMBERED_SETS:
+            self._sets.clear()
+        self._sets[robot, id(series)] = series, numbers
+        return numbers
 
     def _channel_number(self, robot: int, channel: Channel) -> int:
         texts = (channel.topic, channel.schema_name, channel.type_hash, channel.encoding, channel.delivery)

@@ -1,4 +1,4 @@
-"""A chunk of one series: how its two columns become small blobs, and the summary that spares reading them.
+"""A chunk of one series: how its two columns are kept as small blobs, and how they are read.
 
 Stamps are kept as their distances: the smallest one once, and what each has above it in as few bytes as the largest
 needs, byte planes apart; a regular series costs 18 bytes a chunk. Values are tried in a few forms (one constant,
@@ -17,7 +17,21 @@ import numpy as np
 import numpy.typing as npt
 import zstandard
 
-__all__ = ["ENCODING", "PLAIN", "TOGETHER", "EncodedChunk", "Stamps", "Values", "decode", "encode"]
+__all__ = [
+    "CONSTANT",
+    "DOUBLE",
+    "ENCODING",
+    "PLAIN",
+    "PLANES",
+    "SINGLE",
+    "STAMPS_HEAD",
+    "TOGETHER",
+    "ZSTD",
+    "EncodedChunk",
+    "Stamps",
+    "Values",
+    "decode",
+]
 
 Stamps = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
@@ -27,12 +41,9 @@ _Chunk = tuple[int, int, bytes, bytes]
 PLAIN = 0  # both blobs are arrays of 8-byte numbers: rows of earlier programs
 ENCODING = 1  # the forms below
 TOGETHER = 64
-_STAMPS = struct.Struct("<BBqQ")  # width of a distance, packed, first stamp, smallest distance
-_CONSTANT, _DOUBLE, _SINGLE = 1, 2, 4  # what a value is
-_PLANES, _ZSTD = 16, 32  # how the bytes are kept
-_ADDABLE = 1e300
-_LEVEL = 3
-_OPEN_LEVEL = 1
+STAMPS_HEAD = struct.Struct("<BBqQ")  # width of a distance, packed, first stamp, smallest distance
+CONSTANT, DOUBLE, SINGLE = 1, 2, 4  # what a value is
+PLANES, ZSTD = 16, 32  # how the bytes are kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,40 +66,6 @@ class EncodedChunk:
     stamps: bytes
     vals: bytes
     encoding: int = ENCODING
-
-
-def encode(stamps: Stamps, values: Values, *, closed: bool = True) -> EncodedChunk:
-    """Rows as a chunk, sorted by stamp (a robot's clock may have been set back); at least one.
-
-    A chunk that is not `closed` will be made again soon, so less time is spent on it.
-    """
-    if np.any(stamps[1:] < stamps[:-1]):
-        order = np.argsort(stamps, kind="stable")
-        stamps, values = stamps[order], values[order]
-    level = _LEVEL if closed else _OPEN_LEVEL
-    held = ~np.isnan(values)
-    valid = int(np.count_nonzero(held))
-    numbers, times = (values, stamps) if valid == len(values) else (values[held], stamps[held])
-    low = high = total = low_ns = high_ns = None
-    if valid:
-        least, most = int(np.argmin(numbers)), int(np.argmax(numbers))
-        low, high, low_ns, high_ns = float(numbers[least]), float(numbers[most]), int(times[least]), int(times[most])
-        with np.errstate(invalid="ignore", over="ignore"):
-            added = float(np.sum(numbers))
-        total = added if abs(added) < _ADDABLE else None
-    return EncodedChunk(
-        first_ns=int(stamps[0]),
-        last_ns=int(stamps[-1]),
-        count=len(stamps),
-        valid=valid,
-        low=low,
-        high=high,
-        total=total,
-        low_ns=low_ns,
-        high_ns=high_ns,
-        stamps=_stamps_blob(stamps, level),
-        vals=_values_blob(values, level, closed),
-    )
 
 
 def decode(chunks: Sequence[_Chunk]) -> tuple[Stamps, Values]:
@@ -140,52 +117,20 @@ def _values_kind(chunk: _Chunk) -> _Kind:
     return chunk[1], -1 if chunk[0] == PLAIN else chunk[3][0], False
 
 
-def _stamps_blob(stamps: Stamps, level: int) -> bytes:
-    distances = np.diff(stamps.view(np.uint64))  # sorted, so that no distance is negative, however far apart
-    smallest = distances.min() if len(distances) else np.uint64(0)
-    rest = distances - smallest
-    largest = int(rest.max()) if len(rest) else 0
-    if not largest:
-        return _STAMPS.pack(0, 0, int(stamps[0]), int(smallest))
-    width = (largest.bit_length() + 7) // 8
-    plain = _planes(rest.astype("<u8"))[: width * len(rest)]
-    packed = _pack(plain, level)
-    small = _worth_it(packed, plain)
-    return _STAMPS.pack(width, small, int(stamps[0]), int(smallest)) + (packed if small else plain)
-
-
 def _read_stamps(kind: _Kind, blobs: list[bytes], unpack: zstandard.ZstdDecompressor) -> npt.NDArray[np.int64]:
     """One row a chunk."""
     count, width, packed = kind
     if width < 0:
         return _matrix(blobs, 8 * count).view("<i8")
-    heads = [_STAMPS.unpack_from(blob) for blob in blobs]
+    heads = [STAMPS_HEAD.unpack_from(blob) for blob in blobs]
     steps = np.empty((len(blobs), count), np.uint64)
     steps[:] = np.array([head[3] for head in heads], np.uint64)[:, None]
     if width:
-        bodies = [blob[_STAMPS.size :] for blob in blobs]
+        bodies = [blob[STAMPS_HEAD.size :] for blob in blobs]
         planes = _plain(bodies, (count - 1) * width, unpack if packed else None)
         steps[:, 1:] += _joined(planes, width, wide=8).view("<u8")
     steps[:, 0] = np.array([head[2] for head in heads], np.int64).view(np.uint64)
     return np.cumsum(steps, axis=1, dtype=np.uint64, out=steps).view(np.int64)
-
-
-def _values_blob(values: Values, level: int, closed: bool) -> bytes:
-    plain = values.astype("<f8").tobytes()
-    if plain == plain[:8] * len(values):
-        return bytes([_CONSTANT]) + plain[:8]
-    with np.errstate(over="ignore", invalid="ignore"):
-        single = values.astype("<f4")
-    if np.array_equal(single.astype(np.float64).view(np.uint64), values.view(np.uint64)):
-        forms = [(_SINGLE, single.tobytes()), (_SINGLE | _PLANES | _ZSTD, _pack(_planes(single), level))]
-    else:
-        forms = [(_DOUBLE, plain), (_DOUBLE | _PLANES | _ZSTD, _pack(_planes(values), level))]
-    if closed:  # decimal fractions have repeating doubles whose planes do not repeat
-        forms.append((forms[0][0] | _ZSTD, _pack(forms[0][1], level)))
-    form, body = min(forms, key=lambda item: len(item[1]))
-    if not _worth_it(body, forms[0][1]):
-        form, body = forms[0]
-    return bytes([form]) + body
 
 
 def _read_values(kind: _Kind, blobs: list[bytes], unpack: zstandard.ZstdDecompressor) -> npt.NDArray[np.floating[Any]]:
@@ -194,35 +139,21 @@ def _read_values(kind: _Kind, blobs: list[bytes], unpack: zstandard.ZstdDecompre
     if form < 0:
         return _matrix(blobs, 8 * count).view("<f8")
     bodies = [blob[1:] for blob in blobs]
-    if form == _CONSTANT:
+    if form == CONSTANT:
         return np.broadcast_to(_matrix(bodies, 8).view("<f8"), (len(blobs), count))
-    width = 4 if form & _SINGLE else 8
-    plain = _plain(bodies, count * width, unpack if form & _ZSTD else None)
-    return (_joined(plain, width, wide=width) if form & _PLANES else plain).view(f"<f{width}")
-
-
-def _planes(numbers: npt.NDArray[Any]) -> bytes:
-    """First the lowest bytes of all numbers, then the next: alike bytes come together."""
-    return numbers.view(np.uint8).reshape(len(numbers), -1).T.tobytes()
+    width = 4 if form & SINGLE else 8
+    plain = _plain(bodies, count * width, unpack if form & ZSTD else None)
+    return (_joined(plain, width, wide=width) if form & PLANES else plain).view(f"<f{width}")
 
 
 def _joined(planes: npt.NDArray[np.uint8], width: int, *, wide: int) -> npt.NDArray[np.uint8]:
-    """The reverse of `_planes`, of each row; a number gets `wide` bytes, those it has no plane for are zero."""
+    """The reverse of planes, of each row; a number gets `wide` bytes, those it has no plane for are zero."""
     rows, size_bytes = planes.shape
     count = size_bytes // width
     numbers = np.zeros((rows, count, wide), np.uint8)
     for plane in range(width):  # five times as fast as a transpose
         numbers[:, :, plane] = planes[:, plane * count : (plane + 1) * count]
     return numbers.reshape(rows, -1)
-
-
-def _worth_it(packed: bytes, plain: bytes) -> bool:
-    """Whether it saves an eighth: unpacking takes longer than anything else of the reading."""
-    return len(packed) <= len(plain) * 7 // 8
-
-
-def _pack(plain: bytes, level: int) -> bytes:
-    return zstandard.ZstdCompressor(level=level, write_checksum=True).compress(plain)
 
 
 def _plain(bodies: list[bytes], size_bytes: int, unpack: zstandard.ZstdDecompressor | None) -> npt.NDArray[np.uint8]:

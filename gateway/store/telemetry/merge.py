@@ -7,27 +7,33 @@ therefore sees every row exactly once, before, during and after.
 from __future__ import annotations
 
 import logging
-from dataclasses import fields
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from operator import attrgetter
 
 import numpy as np
+import numpy.typing as npt
 
-from gateway.store.engine import StoreEngine, placeholders
+from gateway.domain.distinct import distinct
+from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from gateway.store.schema import CHUNK_SAMPLES
-from gateway.store.telemetry.chunks import EncodedChunk, Stamps, Values, decode, encode
+from gateway.store.telemetry.chunks import TOGETHER, EncodedChunk, Stamps, Values, decode
+from gateway.store.telemetry.encode import encode_many
 
 __all__ = ["merge_step", "waiting_batches"]
 
 log = logging.getLogger(__name__)
+_Numbers = npt.NDArray[np.int64]
 _COLUMNS = tuple(item.name for item in fields(EncodedChunk))
 _OPEN = f"""
-    SELECT chunk, encoding, count, stamps, vals FROM metric_chunks WHERE series = ? AND count < {CHUNK_SAMPLES}
-    ORDER BY chunk DESC LIMIT 1
+    SELECT series, chunk, encoding, count, stamps, vals FROM metric_chunks
+    WHERE series IN ({{}}) AND count < {CHUNK_SAMPLES} ORDER BY chunk
 """
 _UPDATE = f"UPDATE metric_chunks SET {', '.join(f'{name} = ?' for name in _COLUMNS)}, stored_ns = ? WHERE chunk = ?"
 _INSERT = (
     f"INSERT INTO metric_chunks ({', '.join(_COLUMNS)}, stored_ns, series) VALUES ({placeholders(len(_COLUMNS) + 2)})"
 )
+_row_of = attrgetter(*_COLUMNS)
 
 
 def waiting_batches(engine: StoreEngine) -> tuple[int, int]:
@@ -44,44 +50,99 @@ def merge_step(engine: StoreEngine, *, max_batches: int) -> int:
         return _move(engine, max_batches)
 
 
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """The open chunks of some series, by the place of their series, and their rows one after the other."""
+
+    chunks: dict[int, int]
+    places: _Numbers  # of each row
+    stamps: Stamps
+    values: Values
+
+
 def _move(engine: StoreEngine, max_batches: int) -> int:
     query = "SELECT batch, stored_ns, series, stamps, vals FROM metric_batches ORDER BY batch LIMIT ?"
     batches = engine.fetch(query + engine.for_update, max_batches)
     if not batches:
         return 0
-    series = np.frombuffer(b"".join(batch[2] for batch in batches), np.uint32)
-    stamps = np.frombuffer(b"".join(batch[3] for batch in batches), np.int64)
-    values = np.frombuffer(b"".join(batch[4] for batch in batches), np.float64)
-    order = np.argsort(series, kind="stable")
-    series, stamps, values = series[order], stamps[order], values[order]
-    numbers, starts = np.unique(series, return_index=True)
-    bounds = [*starts.tolist(), len(series)]
+    series, places = distinct(np.frombuffer(b"".join(batch[2] for batch in batches), np.uint32))
+    held = _read_open(engine, series)
+    places = np.concatenate((held.places.astype(places.dtype), places))
+    stamps = np.concatenate((held.stamps, np.frombuffer(b"".join(batch[3] for batch in batches), np.int64)))
+    values = np.concatenate((held.values, np.frombuffer(b"".join(batch[4] for batch in batches), np.float64)))
+    order = np.argsort(places, kind="stable")
+    stamps, values = stamps[order], values[order]
     stored_ns = max(batch[1] for batch in batches)
-    for index, number in enumerate(numbers.tolist()):
-        rows = slice(bounds[index], bounds[index + 1])
-        _append(engine, number, stamps[rows], values[rows], stored_ns)
+    inserted, updated = [], []
+    for length, owners, starts, firsts in _pieces(np.bincount(places, minlength=len(series))):
+        rows = starts[:, None] + np.arange(length)
+        chunks = encode_many(stamps[rows], values[rows], closed=length == CHUNK_SAMPLES)
+        for chunk, owner, first in zip(chunks, owners.tolist(), firsts.tolist(), strict=True):
+            if first and owner in held.chunks:
+                updated.append((*_row_of(chunk), stored_ns, held.chunks[owner]))
+            else:
+                inserted.append((*_row_of(chunk), stored_ns, series[owner]))
+    engine.many(_UPDATE, updated)
+    engine.many(_INSERT, inserted)
     engine.many("DELETE FROM metric_batches WHERE batch = ?", [(batch[0],) for batch in batches])
     return len(batches)
 
 
-def _append(engine: StoreEngine, series: int, stamps: Stamps, values: Values, stored_ns: int) -> None:
-    """Fill the series' open chunk, then make new ones."""
-    for number, *chunk in engine.fetch(_OPEN + engine.for_update, series):
+def _read_open(engine: StoreEngine, series: Sequence[int]) -> _Open:
+    """The newest open chunk of each series, as far as it can be read."""
+    places = {number: place for place, number in enumerate(series)}
+    newest: dict[int, Row] = {}
+    for some in slices(series):
+        found = engine.fetch(_OPEN.format(placeholders(len(some))) + engine.for_update, *some)
+        newest.update((places[row[0]], row[1:]) for row in found)
+    chunks: dict[int, int] = {}
+    stamps: list[Stamps] = [np.empty(0, np.int64)]
+    values: list[Values] = [np.empty(0)]
+    counts: list[int] = []
+    for place, rows in _decoded(newest):
+        chunks[place] = newest[place][0]
+        counts.append(len(rows[0]))
+        stamps.append(rows[0])
+        values.append(rows[1])
+    owners = np.repeat(np.fromiter(chunks, np.int64, len(chunks)), counts)
+    return _Open(chunks, owners, np.concatenate(stamps), np.concatenate(values))
+
+
+def _decoded(chunks: dict[int, Row]) -> Iterator[tuple[int, tuple[Stamps, Values]]]:
+    """The rows of chunks (number, encoding, count, stamps, vals), by the key of each.
+
+    One that cannot be read is left as it is, for the integrity check to name: it must not keep the store from taking
+    rows.
+    """
+    keys = list(chunks)
+    for first in range(0, len(keys), TOGETHER):
+        some = keys[first : first + TOGETHER]
         try:
-            held = decode([tuple(chunk)])
+            stamps, values = decode([tuple(chunks[key][1:]) for key in some])
         except ValueError as error:
-            # Left as it is, for the integrity check to name: it must not keep the store from taking rows.
-            log.error("chunk %d of series %d cannot be read: %s", number, series, error)
+            if len(some) > 1:
+                for key in some:
+                    yield from _decoded({key: chunks[key]})
+            else:
+                log.error("chunk %d cannot be read: %s", chunks[some[0]][0], error)
             continue
-        taken = min(len(stamps), CHUNK_SAMPLES - len(held[0]))
-        joined = np.concatenate((held[0], stamps[:taken])), np.concatenate((held[1], values[:taken]))
-        engine.execute(_UPDATE, *_columns(*joined), stored_ns, number)
-        stamps, values = stamps[taken:], values[taken:]
-        break
-    pieces = [slice(start, start + CHUNK_SAMPLES) for start in range(0, len(stamps), CHUNK_SAMPLES)]
-    engine.many(_INSERT, [(*_columns(stamps[piece], values[piece]), stored_ns, series) for piece in pieces])
+        ends = np.cumsum([chunks[key][2] for key in some])[:-1]
+        yield from zip(some, zip(np.split(stamps, ends), np.split(values, ends), strict=True), strict=True)
 
 
-def _columns(stamps: Stamps, values: Values) -> tuple[Any, ...]:
-    chunk = encode(stamps, values, closed=len(stamps) == CHUNK_SAMPLES)
-    return tuple(getattr(chunk, name) for name in _COLUMNS)
+def _pieces(counts: _Numbers) -> Iterator[tuple[int, _Numbers, _Numbers, npt.NDArray[np.bool_]]]:
+    """How rows in the order of their series, of which each has so many, are cut into chunks of one length.
+
+    Gives (length, the place of each chunk's series, where each begins, which of them is the first of its series).
+    """
+    starts, full, rest = np.cumsum(counts) - counts, counts // CHUNK_SAMPLES, counts % CHUNK_SAMPLES
+    owners = np.repeat(np.arange(len(counts)), full)
+    within = np.arange(len(owners)) - np.repeat(np.cumsum(full) - full, full)
+    groups = [(CHUNK_SAMPLES, owners, starts[owners] + within * CHUNK_SAMPLES, within == 0)]
+    for length in np.unique(rest[rest > 0]).tolist():
+        (owners,) = np.nonzero(rest == length)
+        groups.append((length, owners, starts[owners] + full[owners] * CHUNK_SAMPLES, full[owners] == 0))
+    for length, *columns in groups:
+        for first in range(0, len(columns[0]), TOGETHER):
+            owners, begins, firsts = (column[first : first + TOGETHER] for column in columns)
+            yield length, owners, begins, firsts

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.store.telemetry.chunks import ENCODING, PLAIN, EncodedChunk, decode, encode
+from gateway.store.telemetry.chunks import ENCODING, PLAIN, EncodedChunk, decode
+from gateway.store.telemetry.encode import encode, encode_many
 
 STAMPS = st.one_of(
     st.integers(-(2**63), 2**63 - 1),
@@ -77,6 +78,16 @@ def test_the_summary_is_of_the_numbers() -> None:
     assert (none.valid, none.low, none.high, none.total, none.low_ns) == (0, None, None, None, None)
     endless = encode(np.array([1, 2]), np.array([float("inf"), -float("inf")]))
     assert (endless.valid, endless.low, endless.high, endless.total) == (2, -float("inf"), float("inf"), None)
+
+
+def test_many_at_once_are_what_each_is_alone() -> None:
+    kinds = ("constant", "single", "decimals", "levels", "smooth", "noise")
+    values = np.array([typical(kind) for kind in kinds])
+    values[1, 3] = values[4, :] = np.nan
+    stamps = np.arange(1000) * 10_000_000 + np.arange(6)[:, None] * np.random.default_rng(4).integers(0, 10**9, 1000)
+    for closed in (True, False):
+        alone = [encode(*rows, closed=closed) for rows in zip(stamps, values, strict=True)]
+        assert encode_many(stamps, values, closed=closed) == alone
 
 
 def test_columns_of_an_earlier_program_are_read_beside_new_ones() -> None:
