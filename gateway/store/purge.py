@@ -15,6 +15,7 @@ from gateway.store.fleet.recordings import remove_recording
 from gateway.store.ledger import doom
 from gateway.store.retention import CLASSES, Holding, PlannedDeletion, Retention, Usage, plan
 from gateway.store.schema import ROW_BYTES, TABLES
+from gateway.store.telemetry.levels import drop_levels, series_of
 
 __all__ = ["Purge", "class_bytes", "oldest_holdings", "oldest_ns", "plan_of", "total_bytes"]
 
@@ -123,8 +124,10 @@ def _delete(engine: StoreEngine, holdings: Sequence[Holding], now_ns: int) -> No
     by_table: dict[str, list[Holding]] = {}
     for holding in holdings:
         by_table.setdefault(holding.table, []).append(holding)
+    chunks = series_of(engine, [int(item.key) for item in by_table.get("metric_chunks", ())])
     for table, key in (("metric_chunks", "chunk"), ("sample_batches", "batch")):
         engine.many(f"DELETE FROM {table} WHERE {key} = ?", [(item.key,) for item in by_table.get(table, ())])
+    drop_levels(engine, chunks)
     for item in by_table.get("segments", ()):
         engine.execute("DELETE FROM segment_runs WHERE segment = ?", item.key)
         if engine.execute("DELETE FROM segments WHERE segment = ?", item.key):

@@ -2,8 +2,8 @@
 
 Metric rows live twice in their life, never twice at once: a received batch is inserted as it came into
 `metric_batches` together with its stream's watermark; the background merge moves its rows into `metric_chunks` of
-about 500 samples a series, deleting the batch in the same transaction. `streams` holds the watermarks, and is never
-purged: a watermark is what keeps a sample from being stored twice.
+about 500 samples a series, deleting the batch in the same transaction. `metric_levels` sums many chunks up. `streams`
+holds the watermarks, and is never purged: a watermark is what keeps a sample from being stored twice.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from gateway.store.migrations.functions import FUNCTIONS
 from gateway.store.migrations.idempotency import ONCE
 from gateway.store.migrations.invocations import INVOCATIONS
 from gateway.store.migrations.leases import LEASES
+from gateway.store.migrations.levels import LEVELS
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
 from gateway.store.migrations.rollouts import ROLLOUTS
@@ -159,6 +160,7 @@ MIGRATIONS: tuple[str, ...] = (
     INVOCATIONS,
     FUNCTIONS,
     WATCH_STATES,
+    LEVELS,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries
@@ -167,6 +169,7 @@ TABLES: dict[str, str] = {
     "sample_batches": "length(stamps) + length(lengths) + length(payload)",
     "metric_chunks": "length(stamps) + length(vals)",
     "metric_batches": "length(series) + length(stamps) + length(vals)",
+    "metric_levels": "length(cells)",
     "deliveries": "size_bytes",
     "happenings": "size_bytes",
     "invocations": "length(log)",

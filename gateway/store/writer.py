@@ -20,6 +20,7 @@ from gateway.store.commit import CommitHook, Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.purge import Purge
 from gateway.store.retention import Retention
+from gateway.store.telemetry.levels import LevelBuilder
 from gateway.store.telemetry.merge import merge_step, waiting_batches
 from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
@@ -44,6 +45,7 @@ class Pace:
     merge_after_s: float = 30.0  # or when one has waited so long
     merge_look_every_s: float = 0.05
     merge_step_batches: int = 256
+    levels_every_s: float = 60.0
     purge_every_s: float = 60.0
     rescue_every_s: float = 5.0  # the same while commits fail: the disk may be full
 
@@ -112,7 +114,8 @@ class Writer:
         self._error: str | None = None
         self._last_commit_s = -1e9
         self._last_look_s = -1e9
-        self._last_purge_s = clock.monotonic_s()
+        self._last_purge_s = self._last_levels_s = clock.monotonic_s()
+        self._levels: LevelBuilder | None = None  # the round that is not over
         # A database that hangs must not keep the program from ending.
         self._thread = threading.Thread(target=self._run, name="gateway-store", daemon=True)
 
@@ -280,6 +283,8 @@ class Writer:
         if now_s - self._last_look_s >= self._pace.merge_look_every_s:
             self._last_look_s = now_s
             self._merge()
+        if self._levels is not None or now_s - self._last_levels_s >= self._pace.levels_every_s:
+            self._make_levels(now_s)
         if now_s - self._last_purge_s >= self._pace.purge_every_s:
             self._purge()
 
@@ -296,6 +301,20 @@ class Writer:
         except Exception:
             log.exception("the merge failed in a way that nobody foresaw")
             self._last_look_s = self._clock.monotonic_s() + self._pace.merge_after_s
+
+    def _make_levels(self, now_s: float) -> None:
+        """Begin a round, or go on with it, for as long as nobody waits for a commit."""
+        if self._levels is None:
+            self._levels, self._last_levels_s = LevelBuilder(self._engine, now_ns=self._clock.wall_ns()), now_s
+        try:
+            while self._levels.step():
+                if self._stopped.is_set() or not self._queue.empty():
+                    return
+        except StoreError as error:
+            log.warning("levels were not made: %s", error)
+        except Exception:
+            log.exception("levels were not made, for a reason that nobody foresaw")
+        self._levels = None
 
     def _purge(self) -> None:
         self._last_purge_s = self._clock.monotonic_s()

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gateway.store.engine import Row
 from gateway.store.telemetry.chunks import Stamps, Values
+from gateway.store.telemetry.levels import Cells
 from gateway.store.telemetry.lttb import extremes, lttb
 
 __all__ = ["BucketDownsampler", "Columns", "Downsampler", "LineDownsampler", "Span"]
@@ -19,6 +20,10 @@ Counts = npt.NDArray[np.int64]
 # stamp_ms, mean, min, max, count
 Columns = tuple[npt.NDArray[np.float64], Values, Values, Values, Counts]
 _CANDIDATES = 4  # for each point of a line; more do not make it better
+_FEW = 32  # buckets whose number is kept to, however wide they are
+_ALIGNED_NS = 10**9  # buckets of at least this width begin at multiples of it
+_FAR_NS = 1 << 62  # there is no room beside stamps that are further from the epoch
+_STEPS = 8  # a bucket is at least so many steps of the grid wide: fewer are less than a seventh fewer than asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +52,8 @@ class Span:
 class Downsampler(Protocol):
     """Takes summaries and rows of a span, piece by piece."""
 
-    width_ns: int  # a chunk that lies in one span of this width may come as its summary
+    origin_ns: int  # a chunk that lies in one span of this width from here on may come as its summary
+    width_ns: int
     count: int  # rows so far
 
     def add_summaries(self, rows: Sequence[Row]) -> None:
@@ -61,12 +67,24 @@ class Downsampler(Protocol):
 
 
 class BucketDownsampler:
-    """Equal buckets; memory as many as there are points."""
+    """Equal buckets, at most as many as there are points; so is the memory.
+
+    Where there are many and they are long, they begin at multiples of their width, and the width is one of `grid_ns`, a
+    power of two: they stay where they are when the range moves on, and whole cells of levels make them up.
+    """
 
     def __init__(self, span: Span) -> None:
-        self.width_ns = span.width_ns(span.points)
+        self.grid_ns = 0  # 0: they begin where the range does
+        self.origin_ns, self.width_ns = span.start_ns, span.width_ns(span.points)
+        near = span.start_ns > -_FAR_NS and span.end_ns < _FAR_NS
+        if span.points >= _FEW and self.width_ns >= _ALIGNED_NS and near:
+            least_ns = span.width_ns(span.points - 1)  # the first and the last are cut
+            self.grid_ns = 1 << (least_ns // _STEPS).bit_length() - 1
+            self.width_ns = -(-least_ns // self.grid_ns) * self.grid_ns
+            self.origin_ns = span.start_ns // self.width_ns * self.width_ns
         self.count = 0
-        self._starts = span.start_ns + np.arange(span.points, dtype=np.int64) * self.width_ns
+        self._span = span
+        self._starts = self.origin_ns + np.arange(span.points, dtype=np.int64) * self.width_ns
         self._count = np.zeros(span.points, np.int64)
         self._total = np.zeros(span.points)
         self._low = np.full(span.points, np.inf)
@@ -77,6 +95,20 @@ class BucketDownsampler:
         if rows:
             places, counts, *summaries = (np.array(column) for column in zip(*rows, strict=True))
             self._put(places.astype(np.int64), counts.astype(np.int64), *summaries)
+
+    def add_cells(self, cells: Cells) -> None:
+        """Count whole cells of the grid in."""
+        if not len(cells.count):
+            return
+        places = (cells.begin_ns - self.origin_ns) // self.width_ns
+        order = np.argsort(places, kind="stable")
+        places, counts = places[order], cells.count[order]
+        firsts = np.flatnonzero(np.diff(places, prepend=-1))
+        with np.errstate(invalid="ignore", over="ignore"):
+            totals = np.add.reduceat(cells.total[order], firsts)
+        lows = np.minimum.reduceat(cells.low[order], firsts)
+        highs = np.maximum.reduceat(cells.high[order], firsts)
+        self._put(places[firsts], np.add.reduceat(counts, firsts), lows, highs, totals)
 
     def add(self, stamps: Stamps, values: Values) -> None:
         """Count some rows in."""
@@ -92,9 +124,14 @@ class BucketDownsampler:
         self._put(places, counts[places], lows, highs, totals)
 
     def columns(self) -> Columns:
-        """The buckets that hold any row, each stamped in its middle."""
+        """The buckets that hold any row, each stamped in the middle of what the range has of it."""
         full = np.flatnonzero(self._count)
-        middle_ms = (self._starts[full] + self.width_ns // 2) / 1e6
+        starts = self._starts[full]
+        middle_ns = starts + self.width_ns // 2
+        if self.grid_ns:
+            begin_ns = np.maximum(starts, self._span.start_ns)
+            middle_ns = begin_ns + (np.minimum(starts + self.width_ns, self._span.end_ns + 1) - begin_ns) // 2
+        middle_ms = middle_ns / 1e6
         with np.errstate(invalid="ignore", over="ignore"):
             mean = self._total[full] / self._count[full]
         return middle_ms, mean, self._low[full], self._high[full], self._count[full]
@@ -113,6 +150,7 @@ class LineDownsampler:
 
     def __init__(self, span: Span) -> None:
         self._span = span
+        self.origin_ns = span.start_ns
         self.width_ns = span.width_ns(max(1, span.points * _CANDIDATES // 2))
         self.count = 0
         self._stamps: list[Stamps] = []

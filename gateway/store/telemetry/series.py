@@ -1,8 +1,9 @@
 """Reading a series between two stamps, as rows, buckets or a line of few points; its declared losses beside it.
 
-Where a chunk of rows lies as a whole in one bucket its summary is enough, and summaries are added up by the database;
-only chunks across the edge of a bucket are read and cut. What comes is exact all the same. Chunks are read a slice at
-a time, so that a query's memory does not grow with its range.
+Long ranges are made of levels, whose cells make up wide buckets. Where another chunk of rows lies as a whole in one
+bucket its summary is enough, and summaries are added up by the database; only chunks across the edge of a bucket are
+read and cut. What comes is exact all the same. Chunks are read a slice at a time, so that a query's memory does not
+grow with its range.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from gateway.domain.sample import Gap
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from gateway.store.telemetry.buckets import BucketDownsampler, Downsampler, LineDownsampler, Span
 from gateway.store.telemetry.chunks import TOGETHER, Stamps, Values, decode
+from gateway.store.telemetry.levels import read_levels
 from metaros.link import BACKFILL_BIT
 
 __all__ = ["DAMAGED", "Method", "SeriesRange", "WaitingRows", "read_metric_gaps", "read_range", "waiting_rows"]
@@ -33,15 +35,18 @@ _INSIDE = """
     first_ns >= ? AND last_ns <= ? AND total IS NOT NULL AND (first_ns - ?) / ? = (last_ns - ?) / ?
 """  # in one bucket
 _TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND coalesce(valid, 1) > 0"
+# The same of some numbers, by which they are found: the signs keep both databases from looking through all times.
+_NUMBERED = f"{_TOUCHING.replace('last_ns', '+last_ns').replace('first_ns', '+first_ns')} AND chunk BETWEEN ? AND ?"
 _SUMMARIES = f"""
     SELECT place, sum(valid), min(low), max(high), sum(total) FROM (
         SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place,
-            CAST(valid AS INTEGER) AS valid, low, high, total {_TOUCHING}
+            CAST(valid AS INTEGER) AS valid, low, high, total {{}}
     ) AS spans GROUP BY place
 """
 _EXTREMES = f"""
     SELECT CASE WHEN {_INSIDE} THEN 0 ELSE -chunk END, valid, low, high, low_ns, high_ns {_TOUCHING}
 """
+_END = 1 << 62  # no chunk has this number
 _GAPS = """
     SELECT from_seq, to_seq, reason, from_ns, to_ns FROM gaps JOIN robots USING (robot)
     WHERE id = ? AND stream_id IN (?, ?) AND to_ns >= ? AND from_ns <= ? ORDER BY to_ns DESC, from_seq DESC LIMIT ?
@@ -80,7 +85,9 @@ def read_range(
         waiting = waiting_rows(engine, robot_id)
         ranges = []
         for name in names:
-            downsampler: Downsampler = LineDownsampler(span) if method == "lttb" else BucketDownsampler(span)
+            downsampler: BucketDownsampler | LineDownsampler = (
+                LineDownsampler(span) if method == "lttb" else BucketDownsampler(span)
+            )
             find = "SELECT series FROM series JOIN robots USING (robot) WHERE id = ? AND name = ?"
             damaged: list[tuple[int, int, int]] = []
             for row in engine.fetch(find, robot_id, name):
@@ -125,17 +132,34 @@ class _Reading:
     waiting: WaitingRows
     damaged: list[tuple[int, int, int]]
 
-    def fill(self, downsampler: Downsampler) -> None:
-        """Everything of the range, by summaries where they are enough."""
-        start_ns, width_ns = self.span.start_ns, downsampler.width_ns
-        inside = (start_ns, self.span.end_ns, start_ns, width_ns, start_ns, width_ns)
-        touching = (self.series, start_ns, self.span.end_ns)
+    def fill(self, downsampler: BucketDownsampler | LineDownsampler) -> None:
+        """Everything of the range, by levels and summaries where they are enough."""
+        origin_ns, width_ns = downsampler.origin_ns, downsampler.width_ns
+        inside = (self.span.start_ns, self.span.end_ns, origin_ns, width_ns, origin_ns, width_ns)
+        touching = (self.series, self.span.start_ns, self.span.end_ns)
         if isinstance(downsampler, LineDownsampler):
-            found = self.engine.fetch(_EXTREMES, *inside, *touching)
+            found = [self.engine.fetch(_EXTREMES, *inside, *touching)]
+        elif (numbers := self._fill_cells(downsampler)) is None:
+            found = [self.engine.fetch(_SUMMARIES.format(_TOUCHING), *inside, origin_ns, width_ns, *touching)]
         else:
-            found = self.engine.fetch(_SUMMARIES, *inside, start_ns, width_ns, *touching)
-        downsampler.add_summaries([row for row in found if row[0] >= 0])
-        self._fill_rows(downsampler, sorted(-row[0] for row in found if row[0] < 0))
+            query = _SUMMARIES.format(_NUMBERED)
+            found = [self.engine.fetch(query, *inside, origin_ns, width_ns, *touching, *some) for some in numbers]
+        for rows in found:
+            downsampler.add_summaries([row for row in rows if row[0] >= 0])
+        self._fill_rows(downsampler, sorted(-row[0] for rows in found for row in rows if row[0] < 0))
+
+    def _fill_cells(self, downsampler: BucketDownsampler) -> list[tuple[int, int]] | None:
+        """What levels hold of the range; between which numbers its other chunks lie. None: levels hold nothing."""
+        span, grid_ns = self.span, downsampler.grid_ns
+        if not grid_ns:
+            return None
+        cells, held = read_levels(self.engine, self.series, start_ns=span.start_ns, end_ns=span.end_ns, grid_ns=grid_ns)
+        downsampler.add_cells(cells)
+        if not held:
+            return None
+        firsts, lasts = zip(*sorted(held), strict=True)
+        between = zip((0, *lasts), (*firsts, _END), strict=True)
+        return [(last + 1, first - 1) for last, first in between if last + 1 < first]
 
     def fill_all(self, downsampler: Downsampler) -> None:
         """Every row of the range."""

@@ -238,6 +238,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "metric_batches",
         "made_once",
         "metric_chunks",
+        "metric_levels",
         "objects",
         "commands",
         "presence",
