@@ -54,6 +54,7 @@ from edge_agent.video.manager import VideoManager
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError
+from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.limits import LIMITS, Limits
 from metaros.node import Context, Node
 
@@ -64,6 +65,7 @@ NODE_NAME, HOST_NODE_NAME = "metaros_agent", "host"
 
 def run(settings: Settings) -> None:
     """Run the agent until SIGINT or SIGTERM."""
+    shorten_switch_interval(SWITCH_INTERVAL_S)  # else live samples wait whenever the outbox's threads compute
     asyncio.run(run_until_signal(settings))
     RESTART.finish()
 

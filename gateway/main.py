@@ -48,6 +48,7 @@ from gateway.wiring.gateway import Gateway
 from metaros.clock import Clock, SystemClock
 from metaros.concurrency.signals import on_stop
 from metaros.errors import ConfigError
+from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.limits import LIMITS
 
 __all__ = ["Ready", "run", "serve"]
@@ -316,6 +317,7 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 def run(settings: Settings, *, status_file: Path | None = None) -> None:
     """Run until SIGINT or SIGTERM; prints where it listens."""
     os.umask(0o077)  # what a gateway keeps is for its own user
+    shorten_switch_interval(SWITCH_INTERVAL_S)  # else live samples wait whenever the store's threads compute
     set_up_logs(form=settings.log_format, level=settings.log_level)
     access = LocalAccess(settings.data_dir)
 

@@ -15,6 +15,9 @@ from metaros.limits import Limits
 __all__ = ["ROW_BYTES", "Lost", "Pending", "Row", "Sample", "Seal", "pack"]
 
 ROW_BYTES = 20
+# What one frame gathers. They travel one by one, and a live sample waits for the one under way: on a slow link a
+# frame of 1 MiB is a second. Smaller ones would cost more than they carry.
+FRAME_BYTES = 128 * 1024
 Row = tuple[int, float]  # series id, value
 Sample = tuple[int, bytes | Row]  # stamp ns, CDR or a metric row
 # Of stream, epoch, seq and payload: what is kept of it; None: nothing may be.
@@ -159,7 +162,8 @@ def sealed(
 
 
 def runs(queue: list[Sample | Lost], limits: Limits) -> Iterator[list[Sample] | Lost]:
-    """Stretches of a stream that fit one batch, and what is lost between them."""
+    """Stretches of a stream that fit one frame, and what is lost between them."""
+    most_bytes = min(FRAME_BYTES, limits.batch_bytes)
     run: list[Sample] = []
     size = 0
     for item in queue:
@@ -170,7 +174,7 @@ def runs(queue: list[Sample | Lost], limits: Limits) -> Iterator[list[Sample] | 
             yield item
             continue
         more = size_of(item)
-        if run and (size + more > limits.batch_bytes or len(run) == limits.batch_samples):
+        if run and (size + more > most_bytes or len(run) == limits.batch_samples):
             yield run
             run, size = [], 0
         run.append(item)

@@ -34,7 +34,7 @@ _USES: Final = {
     "metric_backfill": Use.BACKFILL,
     "bulk_backfill": Use.BACKFILL,
 }
-FRAME_BYTES = 256 * 1024  # a frame gathers so much when there is a backlog
+FRAME_BYTES = 128 * 1024  # a frame gathers so much when there is a backlog; live samples go between two
 
 
 class LaneSender:

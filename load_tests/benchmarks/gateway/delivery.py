@@ -28,6 +28,7 @@ import psutil
 
 from edge_agent.outbox import Outbox
 from load_tests.figures import note
+from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from tests.support.gateways.viewer import open_socket, records, subscribe
 from tests.support.robots.load_robot import LoadRobot, RobotConfig
 from tests.support.servers.postgres import PostgresServer, postgres_binaries
@@ -116,6 +117,7 @@ NOWHERE = "127.0.0.1:9"
 def feed(arguments: list[str]) -> int:
     """The feeder's process: prints its figures as JSON."""
     folder, gateway, what, *numbers = arguments
+    shorten_switch_interval(SWITCH_INTERVAL_S)  # as the agent does
     config = RobotConfig(folder=Path(folder), state_dir=Path(folder) / "state", gateway=gateway, life=0)
 
     async def run() -> dict[str, float]:
