@@ -63,8 +63,8 @@ class Cycle:
 def pack_rows(entry: RowsEntry) -> bytes:
     """An entry as a record's payload."""
     head = orjson.dumps([*entry.mark, entry.first_seq, entry.seq, entry.series])
-    columns = (entry.stamps.astype("<i8"), entry.values.astype("<f8"), entry.index.astype("<u4"))
-    return b"".join((_LENGTH.pack(len(head)), head, *(column.tobytes() for column in columns)))
+    stamps, values, index = entry.stamps, entry.values, entry.index.astype("<u4", copy=False)
+    return b"".join((_LENGTH.pack(len(head)), head, stamps.data, values.data, index.data))
 
 
 def unpack_rows(payload: bytes) -> RowsEntry:

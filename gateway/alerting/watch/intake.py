@@ -24,7 +24,8 @@ from gateway.alerting.watch.entries import (
 from gateway.alerting.watch.pending_rows import PendingRows
 from gateway.alerting.watch.state_machine import StateMachine
 from gateway.alerting.watch.watch_files import Recovered, WatchFiles
-from gateway.domain.channel import METRIC_STREAM
+from gateway.domain.channel import METRIC_STREAM, Series
+from gateway.domain.sample import Rows
 from gateway.store import StreamWrite
 from gateway.store.writes import Write
 from metaros.link import CHANNEL_MASK
@@ -32,6 +33,8 @@ from metaros.link import CHANNEL_MASK
 __all__ = ["Intake"]
 
 log = logging.getLogger(__name__)
+Names = tuple[tuple[str, str], ...]
+REMEMBERED_SETS = 1 << 12  # each is kept alive by it
 
 
 class Intake:
@@ -42,37 +45,44 @@ class Intake:
         self.pending = pending if pending is not None else PendingRows()
         self.on = True
         self._lock = threading.Lock()
+        self._names: dict[int, tuple[tuple[Series, ...], Names]] = {}  # of series that came together
 
     def ahead(self, writes: Sequence[Write]) -> None:
         """These are about to be committed. Never raises: commits matter more than what is made of them."""
         if not self.on:
             return
         try:
-            for write in writes:
-                if isinstance(write, StreamWrite) and write.rows is not None and _metric(write):
-                    self._ahead(write)
+            entries = [
+                self._entry(write, write.rows)
+                for write in writes
+                if isinstance(write, StreamWrite) and write.rows is not None and _metric(write)
+            ]
+            payloads = [pack_rows(entry) for entry in entries] if self.files.logs else []
+            with self._lock:
+                self.files.append(ROWS, *payloads)
+                for entry in entries:
+                    self.pending.add(entry)
         except Exception:
             log.exception("rows are not watched: a mistake of ours")
             self.files.whole = False
 
-    def _ahead(self, write: StreamWrite) -> None:
-        rows = write.rows
-        assert rows is not None
-        entry = RowsEntry(
+    def _entry(self, write: StreamWrite, rows: Rows) -> RowsEntry:
+        series = self._names.get(id(rows.series))
+        if series is None or series[0] is not rows.series:
+            if len(self._names) >= REMEMBERED_SETS:
+                self._names.clear()
+            series = self._names[id(rows.series)] = rows.series, tuple((item.name, item.topic) for item in rows.series)
+        return RowsEntry(
             robot=write.robot,
             stream_id=write.stream_id,
             epoch=write.epoch,
             first_seq=write.first_seq,
             seq=write.seq,
-            series=tuple((series.name, series.topic) for series in rows.series),
+            series=series[1],
             index=rows.index,
             stamps=rows.stamps,
             values=rows.values,
         )
-        payload = pack_rows(entry) if self.files.logs else b""
-        with self._lock:
-            self.files.append(ROWS, payload)
-            self.pending.add(entry)
 
     def log_cycle(self, cycle: Cycle) -> list[tuple[RowsEntry, slice]]:
         """Log a cycle; the rows that it is about."""

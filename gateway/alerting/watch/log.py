@@ -34,12 +34,14 @@ class LogFile:
             path.unlink(missing_ok=True)
             raise
 
-    def append(self, kind: int, payload: bytes) -> None:
-        """Add one record; OSError: it is not there, or torn."""
-        if len(payload) > MAX_RECORD_BYTES:
-            raise OSError(f"{self.path}: a record of {len(payload)} bytes, at most {MAX_RECORD_BYTES} are read again")
-        check = zlib.crc32(payload, zlib.crc32(bytes((kind,))))
-        self._write(_HEAD.pack(len(payload), check, kind) + payload)
+    def append(self, kind: int, *payloads: bytes) -> None:
+        """Add records, in one write; OSError: they are not there, or the last ones are missing or torn."""
+        records, begin = [], zlib.crc32(bytes((kind,)))
+        for payload in payloads:
+            if len(payload) > MAX_RECORD_BYTES:
+                raise OSError(f"{self.path}: a record of {len(payload)} bytes, at most {MAX_RECORD_BYTES} are read")
+            records += [_HEAD.pack(len(payload), zlib.crc32(payload, begin), kind), payload]
+        self._write(b"".join(records))
 
     def close(self) -> None:
         """Close the file; what was written stays."""

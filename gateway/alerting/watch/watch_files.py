@@ -91,12 +91,12 @@ class WatchFiles:
         self._number = max([self._number, *(number for _, number in self._found())]) + 1
         self._log = LogFile(self._folder / _name("log", self._number))
 
-    def append(self, kind: int, payload: bytes) -> None:
-        """Add a record; where the disk does not take it, or the log is twice its size, it is not whole any more."""
+    def append(self, kind: int, *payloads: bytes) -> None:
+        """Add records; where the disk does not take them, or the log is twice its size, it is not whole any more."""
         if not self.whole or self._log is None:
             return
         try:
-            self._log.append(kind, payload)
+            self._log.append(kind, *payloads)
         except OSError as error:
             log.warning("what the watch is given cannot be logged: %s", error)
             self.whole = False
