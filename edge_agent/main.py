@@ -47,7 +47,7 @@ from edge_agent.update.restart import RESTART
 from edge_agent.update.setup import open_updates
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.queues import Queues
-from edge_agent.uplink.session import Identity
+from edge_agent.uplink.session import DATA, Identity
 from edge_agent.uplink.session_manager import SessionManager
 from edge_agent.uplink.uplink import Uplink, transports_with
 from edge_agent.video.manager import VideoManager
@@ -237,7 +237,7 @@ class AgentParts:
             queues.live,
             queues.linger,
             wake_writer=self.writer.wake,
-            wake_uplink=wake,
+            wake_uplink=lambda: wake(DATA),
             tracer=queues.tracer,
         )
         self.session_manager.facts.black_box = self.box.describe if self.box is not None else None

@@ -31,8 +31,10 @@ LIBRARY = {
     "timer": "how late timers are called, per executor",
 }
 GATEWAY = {
-    "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is make bench-anomaly",
+    "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is nab",
+    "nab": "what the detectors find on series of a kind that they were not fitted to; the same as make bench-anomaly",
     "attacks": "what an honest client notices while somebody attacks the gateway",
+    "board": "what an agent costs a small board: memory, processor, flash; beside a bare Python with zenoh and gRPC",
     "camera": "a picture from its stamp to a canvas in Chromium: JPEG and H.264, and what they cost on the robot",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",

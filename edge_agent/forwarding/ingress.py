@@ -4,8 +4,9 @@ Zenoh calls `sink`, which is SimpleQueue.put itself. One thread drains that queu
 keeps what the loop has not yet taken under a bound in bytes: what is over it is dropped and counted on its channel.
 The payload is not copied here; most live samples are dropped by the selection and never become Python bytes.
 
-While nobody watches, nothing that comes is for now: it gathers for as long as the outbox would gather it, and is then
-taken at once, so that a robot that is left alone wakes twenty times a second, whatever its topics do.
+What comes gathers first, in the place of a gathering further on, which counts from its arrival: what somebody watches
+for as long as live samples linger, and while nobody watches as long as the outbox gathers. So a batch costs its two
+wake-ups once, and a robot that is left alone wakes twenty times a second, whatever its topics do.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from edge_agent.forwarding.channels import Channel
+from edge_agent.forwarding.live_batch import FLUSH_BYTES
 from edge_agent.forwarding.pipeline import Arrival
 from metaros.clock import Clock
 from metaros.errors import AttachmentError
@@ -26,7 +28,7 @@ from metaros.wire.attachment import parse_attachment
 __all__ = ["Ingress"]
 
 AT_ONCE = 256
-GATHER_S = 0.05  # what the outbox counts from a sample's arrival, so that nothing is synced later for it
+GATHER_S = 0.05  # while nobody watches
 GATHER_BYTES = 1 << 20  # what came at more than so much a gathering is not kept waiting
 Route = Callable[[str, bytes], Channel | None]
 
@@ -44,11 +46,13 @@ class Ingress:
         max_bytes: int = LIMITS.ingress_bytes,
         record: Callable[[list[Arrival]], None] | None = None,
         watched: Callable[[], bool] = lambda: True,
+        linger_s: float = LIMITS.linger_s,
     ) -> None:
         """`record` is given everything on the draining thread, also what the loop has no room for.
 
-        `watched` says whether somebody waits for what comes, asked on that thread; it may gather where nobody does.
+        `watched` says on that thread whether somebody waits for what comes; then it gathers for `linger_s`.
         """
+        self._linger_s = linger_s
         self._watched = watched
         self._record = record
         self._route = route
@@ -88,8 +92,8 @@ class Ingress:
         while True:
             samples = [self._queue.get()]
             since_s = self._clock.monotonic_s()
-            if not behind and not self._watched():
-                self._bell.wait(GATHER_S)
+            if not behind and samples[0] is not None and len(samples[0].payload) < FLUSH_BYTES:
+                self._bell.wait(self._linger_s if self._watched() else GATHER_S)
                 self._bell.clear()
             try:
                 while len(samples) < AT_ONCE:

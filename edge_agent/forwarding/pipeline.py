@@ -58,16 +58,18 @@ class Pipeline:
 
     def take(self, arrivals: Iterable[Arrival], now_s: float) -> None:
         """Take over what the tap collected."""
-        live_bytes = 0
+        live_bytes, since_s = 0, now_s
         for arrival in arrivals:
             arrival.channel.messages += 1
             arrival.channel.size_bytes += arrival.size_bytes
-            live_bytes += self._one(arrival)
+            if size_bytes := self._one(arrival):
+                live_bytes += size_bytes
+                since_s = min(since_s, arrival.arrived_s)
         if self._kept:
             self._kept = False
             self._wake_writer()
         if live_bytes:
-            self._linger.add(live_bytes, now_s)
+            self._linger.add(live_bytes, since_s)
             self._wake_uplink()
 
     def _one(self, arrival: Arrival) -> int:

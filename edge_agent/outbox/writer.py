@@ -160,14 +160,14 @@ class OutboxWriter:
 
     async def _serve(self) -> None:
         """Flush what falls due; at the end everything, once."""
+        loop = asyncio.get_running_loop()
         while not self._ending:
             self._wake.clear()
             waits = [due for name in LOGS if (due := self._outbox.due_s(name)) is not None]
-            try:
-                async with asyncio.timeout(min(waits, default=None)):
-                    await self._wake.wait()
-            except TimeoutError:
-                pass
+            timer = loop.call_later(min(waits), self._wake.set) if waits else None
+            await self._wake.wait()
+            if timer is not None:
+                timer.cancel()
             await self._flush([name for name in LOGS if self._outbox.due_s(name) == 0.0])
         await self._flush(list(LOGS))
 

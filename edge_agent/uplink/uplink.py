@@ -100,10 +100,10 @@ class Uplink:
         self._unanswered = False
         self._said: deque[str] = deque(maxlen=REMEMBERED_LINES)
 
-    def wake(self) -> None:
-        """There may be something to send."""
-        for wake in self._wakes.values():
-            wake.set()
+    def wake(self, *lanes: link_pb2.Lane) -> None:
+        """There may be something to send, on these lanes or any."""
+        for lane in lanes or LANES:
+            self._wakes[lane].set()
 
     async def run(self) -> None:
         """Until cancelled."""
@@ -216,7 +216,7 @@ class Uplink:
         self.wake()
 
     async def _write(self, session: AgentSession, lane: link_pb2.Lane, connection: Connection) -> None:
-        wake = self._wakes[lane]
+        wake, loop = self._wakes[lane], asyncio.get_running_loop()
         while True:
             wake.clear()
             while (frame := session.next_frame(lane)) is not None:
@@ -225,11 +225,13 @@ class Uplink:
                 except LinkError:  # a gateway that says goodbye also ends the lane: its reason is the better one
                     await asyncio.sleep(LAST_WORDS_S)
                     raise
+            wait_s = session.wait_s(lane)
+            timer = loop.call_later(wait_s, wake.set) if wait_s is not None else None
             try:
-                async with asyncio.timeout(session.wait_s(lane)):
-                    await wake.wait()
-            except TimeoutError:
-                continue
+                await wake.wait()
+            finally:
+                if timer is not None:
+                    timer.cancel()
 
     async def _check(self, session: AgentSession) -> None:
         while True:
