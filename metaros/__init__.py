@@ -6,9 +6,11 @@ Names load when first used, so that a program that needs only `metaros.idl` neve
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # `typing` itself is not loaded for it: a function's worker starts with this module
 if TYPE_CHECKING:
+    from typing import Any
+
     from metaros import convert, errors
     from metaros.executor import (
         AsyncioExecutor,

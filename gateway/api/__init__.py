@@ -132,7 +132,7 @@ def create_api(services: Services) -> ASGIApp:
     app.state.services = services
     app.state.robot_rows = make_robot_rows(services)
     install_problems(app)
-    app.add_middleware(FastPath, routes=robots.FAST_PATHS)
+    app.add_middleware(FastPath, routes=robots.FAST_PATHS, trees=aws.CALLS)
     describe_permissions(app, ROUTERS)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings

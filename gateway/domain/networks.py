@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import ipaddress
 from collections.abc import Iterable
 
@@ -31,6 +32,7 @@ def parse_networks(texts: Iterable[str]) -> tuple[Network, ...]:
     return tuple(found)
 
 
+@functools.lru_cache(maxsize=1024)  # every request asks, of few addresses
 def read_address(text: str) -> Address | None:
     """An address, also with a port behind it; IPv4 written as IPv6 is IPv4. None for what is none."""
     bare = text

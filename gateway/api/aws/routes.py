@@ -7,13 +7,14 @@ from collections.abc import AsyncIterator, Iterator
 from typing import Any
 
 from fastapi import APIRouter
+from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from gateway.api.authorization import authorize, principal_of, require_all_robots, require_permission
 from gateway.api.aws.errors import LinkExpiredError
 from gateway.api.aws.invoke import call_function
-from gateway.api.aws.prefix import LINKS
+from gateway.api.aws.prefix import LINKS, PREFIX
 from gateway.api.aws.shaped import REASON_KEY
 from gateway.api.aws.signed import SIGNED_KEY, Asked
 from gateway.api.aws.wire import read_members, split_zip
@@ -27,7 +28,7 @@ from gateway.domain.principal import Role
 from gateway.identity.permissions import permission
 from metaros.automation.functions.errors import ThrottledError
 
-__all__ = ["router"]
+__all__ = ["CALLS", "router"]
 
 METHODS = ["GET", "POST", "PUT", "DELETE"]
 HIDDEN = {"ErrorCode": "AccessDeniedException", "Message": "Variables are shown to who may change them."}
@@ -75,6 +76,10 @@ async def operate(request: Request) -> Response:
     if row.writes:
         note(request, detail=f"{operation} {uri.get('FunctionName') or members.get('FunctionName', '')}"[:200])
     return _answer(request, operation, _shown(request, services, answer))
+
+
+# By far the most of what comes are calls: they go straight there, see middleware/fast_path.py. No POST is for a link.
+CALLS = {f"{PREFIX}/": route for route in router.routes if isinstance(route, APIRoute) and route.endpoint is operate}
 
 
 def _functions(request: Request) -> Functions:

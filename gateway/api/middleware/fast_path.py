@@ -7,7 +7,7 @@ the request. Pure ASGI, a middleware of the application: its errors and what fai
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from fastapi.routing import APIRoute
 from starlette.requests import Request
@@ -22,19 +22,21 @@ __all__ = ["FastPath"]
 
 
 class FastPath:
-    """Takes some GETs; all else goes on."""
+    """Takes some requests; all else goes on."""
 
-    def __init__(self, app: ASGIApp, *, routes: Iterable[APIRoute]) -> None:
-        """`routes` have paths without parameters, handlers of the request alone, and one permission each."""
+    def __init__(
+        self, app: ASGIApp, *, routes: Iterable[APIRoute], trees: Mapping[str, APIRoute] | None = None
+    ) -> None:
+        """`routes` are GETs whose paths have no parameters; `trees` are by the path below which they take everything
+        that is a POST. Handlers are of the request alone, with one permission each.
+        """
         self._app = app
-        self._routes: dict[str, tuple[APIRoute, Permission]] = {}
-        for route in routes:
-            (row,) = permissions_of(route)
-            self._routes[route.path] = route, row
+        self._routes = {route.path: (route, _permission(route)) for route in routes}
+        self._trees = tuple((path, route, _permission(route)) for path, route in (trees or {}).items())
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or pass on."""
-        if scope["type"] != "http" or scope["method"] != "GET" or (found := self._routes.get(scope["path"])) is None:
+        if scope["type"] != "http" or (found := self._find(scope["method"], scope["path"])) is None:
             await self._app(scope, receive, send)
             return
         route, row = found
@@ -46,3 +48,15 @@ class FastPath:
         except MetarosError as error:
             response = problem(error)
         await response(scope, receive, send)
+
+    def _find(self, method: str, path: str) -> tuple[APIRoute, Permission] | None:
+        if method == "GET":
+            return self._routes.get(path)
+        if method == "POST":
+            return next(((route, row) for below, route, row in self._trees if path.startswith(below)), None)
+        return None
+
+
+def _permission(route: APIRoute) -> Permission:
+    (row,) = permissions_of(route)
+    return row

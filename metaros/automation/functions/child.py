@@ -6,6 +6,7 @@ This runs in the fork server's child: one thread, nothing of the gateway in memo
 from __future__ import annotations
 
 import array
+import gc
 import json
 import os
 import select
@@ -13,11 +14,14 @@ import signal
 import socket
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
 
 from metaros.automation.functions.sandbox import identity
 from metaros.automation.functions.sandbox.isolation import L3, SandboxLayout, build, confine
 from metaros.automation.functions.sandbox.libc import PR_SET_CHILD_SUBREAPER, PR_SET_PDEATHSIG, prctl
+
+TYPE_CHECKING = False  # see fork_server.py
+if TYPE_CHECKING:
+    from typing import Any, NoReturn
 
 __all__ = ["SignalPipe", "run_entry", "run_init", "set_surroundings", "tell"]
 
@@ -229,10 +233,12 @@ def run_entry(entry: str, handler: str) -> NoReturn:
         if entry == "awslambdaric":
             from awslambdaric.__main__ import main as aws_main  # type: ignore[import-untyped]
 
+            gc.enable()
             aws_main(["awslambdaric", handler])
         elif entry == "metaros":
             from metaros.automation.functions.runtime.runtime_client import main
 
+            gc.enable()
             main(handler, os.environ["AWS_LAMBDA_RUNTIME_API"])
         status = 0
     except SystemExit as leaving:

@@ -6,20 +6,25 @@ It is run as `python -I -S -c <BOOT> <arguments as JSON>`, so that nothing but w
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
-import importlib.util
+import importlib
 import json
 import os
 import signal
 import socket
 import sys
 from collections.abc import Sequence
-from importlib.machinery import ModuleSpec, SourceFileLoader
-from typing import Any
 
 from metaros.automation.functions.child import run_init, tell
+from metaros.automation.functions.sandbox import seccomp
 from metaros.automation.functions.sandbox.isolation import clone_flags
 from metaros.automation.functions.sandbox.libc import PR_SET_PDEATHSIG, clone, prctl
+
+TYPE_CHECKING = False  # `typing` and others cost a cold start by exec milliseconds
+if TYPE_CHECKING:
+    from importlib.machinery import ModuleSpec
+    from typing import Any
 
 __all__ = ["BOOT", "FILES", "REQUEST_BYTES", "main"]
 
@@ -31,6 +36,7 @@ REQUEST_BYTES = 128 * 1024  # one request, which is one datagram
 AWS_CLIENT = tuple(
     f"awslambdaric.{name}" for name in ("__main__", "lambda_config", "lambda_runtime_client", "bootstrap")
 )
+AWS_CLIENT_NEEDS = "libstdc++.so.6"
 FILES = 3  # that come with it: control, output, logs
 
 
@@ -38,10 +44,13 @@ class CompiledAhead:
     """Finds modules that a worker imports itself, as they look at its environment, but need not compile again."""
 
     def __init__(self, names: Sequence[str]) -> None:
+        from importlib.machinery import SourceFileLoader
+        from importlib.util import find_spec
+
         self._specs: dict[str, ModuleSpec] = {}
         for name in names:
             with contextlib.suppress(ImportError):
-                spec = importlib.util.find_spec(name)
+                spec = find_spec(name)
                 if spec is not None and isinstance(spec.loader, SourceFileLoader):
                     code = spec.loader.get_code(name)
                     spec.loader.get_code = lambda _, code=code: code  # type: ignore[method-assign,misc]
@@ -56,6 +65,7 @@ def main(arguments: dict[str, Any]) -> None:
     """Serve fork requests on the inherited socket until its other end closes."""
     if sys.platform != "linux":
         raise NotImplementedError
+    gc.disable()  # imports make much and drop little: `run_entry` has it on again for the handler
     prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     channel = socket.socket(fileno=arguments["channel"])
     if os.getppid() != arguments["parent"]:
@@ -69,9 +79,8 @@ def main(arguments: dict[str, Any]) -> None:
         except ImportError:
             continue
     if not arguments["once"]:
-        sys.meta_path.insert(0, CompiledAhead(AWS_CLIENT))
+        _prepare()
     # What is here now is never collected: the workers' collectors leave the pages shared.
-    gc.collect()
     gc.freeze()
     signal.signal(
         signal.SIGCHLD, signal.SIG_IGN
@@ -89,6 +98,16 @@ def main(arguments: dict[str, Any]) -> None:
         _fork(json.loads(data), files, channel)
     if arguments["once"]:
         _wait_for_children()
+
+
+def _prepare() -> None:
+    """What every worker would do itself, and none of which depends on the worker."""
+    sys.meta_path.insert(0, CompiledAhead(AWS_CLIENT))
+    with contextlib.suppress(OSError):  # of AWS's client, which itself is loaded by the worker: a link of ms
+        ctypes.CDLL(AWS_CLIENT_NEEDS)
+    for own_network in (True, False):
+        seccomp.build(own_network=own_network)
+    gc.collect()
 
 
 def _fork(request: dict[str, Any], files: list[int], channel: socket.socket) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from pathlib import Path
 
 from metaros.automation.functions.launch import Confinement, Program, WorkerProcess, launch
 from metaros.automation.functions.sandbox.level import Level
@@ -40,7 +39,6 @@ class WorkerLauncher:
         Raises:
             LaunchError: it cannot be had, or not so confined.
         """
-        await asyncio.to_thread(_folder, confinement.tmp_dir)
         if not self._warm:
             return await launch(program, confinement)
         zygote = await self._alive()
@@ -59,7 +57,3 @@ class WorkerLauncher:
                 self._zygote = Zygote()
                 await self._zygote.start()
             return self._zygote
-
-
-def _folder(path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)

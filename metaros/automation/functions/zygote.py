@@ -26,7 +26,19 @@ __all__ = ["PRELOAD", "Zygote", "zygote_works"]
 
 # AWS's client reads its environment as it is imported: only what it stands on is imported ahead.
 PRELOAD = (
-    *("logging", "traceback", "decimal", "json", "http.client", "threading", "tempfile", "subprocess", "uuid"),
+    *(
+        "logging",
+        "traceback",
+        "decimal",
+        "json",
+        "http.client",
+        "threading",
+        "tempfile",
+        "subprocess",
+        "uuid",
+        "resource",
+    ),
+    *("typing", "pathlib", "platform", "dataclasses", "datetime"),  # of which a handler has some
     *("awslambdaric", "awslambdaric.lambda_runtime_marshaller", "awslambdaric.lambda_context"),
     *("awslambdaric.lambda_runtime_log_utils", "awslambdaric.lambda_runtime_exception", "awslambdaric.lambda_literals"),
     "metaros.automation.functions.runtime.runtime_client",

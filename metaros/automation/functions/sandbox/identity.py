@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 from metaros.automation.functions.sandbox.libc import PR_SET_DUMPABLE, PR_SET_NO_NEW_PRIVS, capset_none, prctl
 
@@ -26,7 +25,8 @@ def choose(uid: int | None, gid: int | None, own_pid: int) -> tuple[int, int]:
 
 
 def _has_user(uid: int) -> bool:
-    rows = [[int(word) for word in row.split()] for row in Path("/proc/self/uid_map").read_text().splitlines()]
+    with open("/proc/self/uid_map", encoding="ascii") as lines:
+        rows = [[int(word) for word in row.split()] for row in lines]
     return any(first <= uid < first + count for first, _, count in rows)
 
 

@@ -6,9 +6,12 @@ import os
 import socket
 import sys
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 from metaros.automation.functions.sandbox import identity, landlock, mounts, namespaces, rlimits, seccomp
+
+TYPE_CHECKING = False  # see ../fork_server.py
+if TYPE_CHECKING:
+    from typing import Any
 
 __all__ = ["CODE_AT", "LAYERS_AT", "SandboxLayout", "build", "clone_flags", "confine"]
 
@@ -18,17 +21,22 @@ READ_DEVICES = ("/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
 MACHINE = ("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm/overcommit_memory")
 
 
-class SandboxLayout(NamedTuple):
+class SandboxLayout:
     """Where a worker finds things; `listeners` are what its gateway accepts on, where they must come from inside.
 
     `egress_port` is of its proxy; 0: it has none."""
 
-    code_dir: str
-    layer_dirs: Sequence[str]
-    tmp_dir: str
-    port: int
-    egress_port: int
-    listeners: Sequence[socket.socket] = ()
+    def __init__(
+        self,
+        code_dir: str,
+        layer_dirs: Sequence[str],
+        tmp_dir: str,
+        port: int,
+        egress_port: int,
+        listeners: Sequence[socket.socket] = (),
+    ) -> None:
+        self.code_dir, self.layer_dirs, self.tmp_dir = code_dir, layer_dirs, tmp_dir
+        self.port, self.egress_port, self.listeners = port, egress_port, listeners
 
 
 def clone_flags(level: int) -> int:

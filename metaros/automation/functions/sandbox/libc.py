@@ -5,12 +5,15 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
-import platform
-from typing import Any
+import sys
 
 from metaros.automation.functions.sandbox.calls import CALLS
 
-__all__ = ["capset_none", "clone", "number", "prctl", "syscall"]
+TYPE_CHECKING = False  # see ../fork_server.py
+if TYPE_CHECKING:
+    from typing import Any
+
+__all__ = ["capset_none", "clone", "machine", "number", "prctl", "syscall"]
 
 PR_SET_PDEATHSIG, PR_SET_DUMPABLE, PR_SET_CHILD_SUBREAPER, PR_SET_NO_NEW_PRIVS = 1, 4, 36, 38
 CAPABILITY_VERSION_3 = 0x20080522
@@ -23,9 +26,17 @@ def _libc() -> Any:
 
 
 @functools.cache
+def machine() -> str:
+    """The processor's family, as `platform.machine` has it, which is slow to import."""
+    if sys.platform == "win32":
+        raise NotImplementedError
+    return os.uname().machine
+
+
+@functools.cache
 def number(name: str) -> int:
     """The number of a system call on this machine; KeyError where it has none."""
-    return CALLS[platform.machine()][name]
+    return CALLS[machine()][name]
 
 
 def syscall(name: str, *args: int | bytes | ctypes.Array[ctypes.c_char] | None) -> int:

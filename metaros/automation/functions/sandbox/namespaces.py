@@ -6,7 +6,6 @@ import os
 import socket
 import struct
 import sys
-from pathlib import Path
 
 __all__ = ["API_PORT", "EGRESS_PORT", "ISOLATED", "USER", "listen", "loopback_up", "map_self", "own_pid"]
 
@@ -28,9 +27,9 @@ SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 0x1
 
 def map_self(uid: int, gid: int) -> None:
     """In a new user namespace: be who one was, and nobody else."""
-    Path("/proc/self/setgroups").write_text("deny")
-    Path("/proc/self/uid_map").write_text(f"{uid} {uid} 1")
-    Path("/proc/self/gid_map").write_text(f"{gid} {gid} 1")
+    for name, text in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
+        with open(f"/proc/self/{name}", "w", encoding="ascii") as file:
+            file.write(text)
 
 
 def loopback_up() -> None:

@@ -6,7 +6,6 @@ import contextlib
 import mmap
 import os
 import sys
-from pathlib import Path
 
 __all__ = ["limit", "private_bytes", "tasks_of"]
 
@@ -18,7 +17,8 @@ UNKNOWN_DATA, UNKNOWN_SPACE = 64 * MIB, 512 * MIB
 def private_bytes() -> tuple[int, int]:
     """What this process has of private memory and of address space; a guess where there is no /proc."""
     try:
-        pages = [int(word) for word in Path("/proc/self/statm").read_text().split()]
+        with open("/proc/self/statm", encoding="ascii") as line:
+            pages = [int(word) for word in line.read().split()]
     except OSError:
         return UNKNOWN_DATA, UNKNOWN_SPACE
     return pages[5] * mmap.PAGESIZE, pages[0] * mmap.PAGESIZE
@@ -27,11 +27,11 @@ def private_bytes() -> tuple[int, int]:
 def tasks_of(uid: int) -> int:
     """Threads that a user has on this machine: the kernel counts them all against each one's limit."""
     count = 0
-    for process in Path("/proc").iterdir():
-        if process.name.isdigit():
+    for name in os.listdir("/proc"):
+        if name.isdigit():
             with contextlib.suppress(OSError):
-                if process.stat().st_uid == uid:
-                    count += len(os.listdir(process / "task"))
+                if os.stat(f"/proc/{name}").st_uid == uid:
+                    count += len(os.listdir(f"/proc/{name}/task"))
     return count
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import errno
-import platform
+import functools
 import struct
 
 from metaros.automation.functions.sandbox.calls import AUDIT_ARCH, CALLS, LAST_KNOWN
-from metaros.automation.functions.sandbox.libc import PR_SET_PDEATHSIG, prctl
+from metaros.automation.functions.sandbox.libc import PR_SET_PDEATHSIG, machine, prctl
 
 __all__ = ["build", "confine"]
 
@@ -74,12 +74,13 @@ def _refuse_flag(index: int, bits: int) -> Code:
     return [_argument(index), (ANY_BIT, 0, 1, bits), _answer(errno.EPERM), (RETURN, 0, 0, ALLOW)]
 
 
-def build(*, own_network: bool, machine: str = "") -> bytes:
+@functools.cache
+def build(*, own_network: bool, family: str = "") -> bytes:
     """The filter's program; `own_network`: the worker has a network and a pid namespace to itself."""
-    machine = machine or platform.machine()
-    calls = CALLS[machine]
+    family = family or machine()
+    calls = CALLS[family]
     code: Code = [
-        *((LOAD, 0, 0, ARCH_AT), (EQUAL, 1, 0, AUDIT_ARCH[machine]), (RETURN, 0, 0, KILL)),
+        *((LOAD, 0, 0, ARCH_AT), (EQUAL, 1, 0, AUDIT_ARCH[family]), (RETURN, 0, 0, KILL)),
         *((LOAD, 0, 0, NUMBER_AT), (AT_LEAST, 0, 1, X32_BIT), (RETURN, 0, 0, KILL)),
         *((GREATER, 0, 1, LAST_KNOWN), _answer(errno.ENOSYS)),
         # its flags lie in memory, out of the filter's sight: without it the C library takes `clone`

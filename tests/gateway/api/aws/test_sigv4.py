@@ -26,6 +26,7 @@ PATHS = (
     "/lambda/2015-03-31/functions/",
     "/lambda/2015-03-31/functions/arn%3Aaws%3Alambda%3Alocal%3A000000000000%3Afunction%3Aname/invocations",
     "/lambda/2015-03-31/functions/name/invocations?Qualifier=%24LATEST&b=&a=1",
+    "/lambda//2015-03-31/./functions/x/../a%20b~c/?a=2&a=1&B&=x&c=%2F",
 )
 
 Headers = list[tuple[bytes, bytes]]
@@ -47,7 +48,7 @@ def check(headers: Headers, path: str = PATHS[0], body: bytes = BODY, *, secret:
 
 @pytest.mark.parametrize("path", PATHS)
 def test_what_botocore_signs_is_good(path: str) -> None:
-    headers = signed(path, **{"X-Amz-Invocation-Type": "Event", "Content-Type": "application/json"})
+    headers = signed(path, **{"X-Amz-Invocation-Type": "Event", "Content-Type": "a/b", "X-Amz-Y": " a  b "})
     check([*headers, (b"user-agent", b"x"), (b"accept-encoding", b"identity")], path)
     found = read_signature(headers)
     assert (found.key_id, found.region) == ("0123456789abcdef", "local")

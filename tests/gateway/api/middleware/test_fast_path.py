@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from fastapi import APIRouter
 
+from gateway.api.aws import routes as aws
 from gateway.api.middleware.fast_path import FastPath
 from gateway.api.rest.fleet import robots
 from gateway.domain.principal import Role
@@ -47,6 +48,28 @@ async def answers(folder: Path) -> list[tuple[Any, ...]]:
             text = (await http.get("/metrics")).text
         found.append(tuple(line for line in text.splitlines() if f'route="{ROBOTS}"' in line and "_count" in line))
     return found
+
+
+async def test_what_is_posted_below_a_tree_goes_straight_there() -> None:
+    (route,) = aws.CALLS.values()
+    assert list(aws.CALLS) == ["/lambda/"]
+    assert route.path == "/lambda/{path:path}"
+    passed: list[str] = []
+
+    async def rest(scope: Any, receive: Any, send: Any) -> None:
+        passed.append(f"{scope['method']} {scope['path']}")
+
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    fast = FastPath(rest, routes=(), trees=aws.CALLS)
+    for method, path in (("POST", "/lambda/x"), ("GET", "/lambda/x"), ("POST", "/lambda"), ("POST", "/lambdas/x")):
+        scope = {"type": "http", "method": method, "path": path, "headers": [], "query_string": b"", "state": {}}
+        await fast(scope, None, send)  # type: ignore[arg-type]
+    assert passed == ["GET /lambda/x", "POST /lambda", "POST /lambdas/x"]
+    assert [message["status"] for message in sent if "status" in message] == [401]  # nobody has signed it
 
 
 async def test_both_ways_answer_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
