@@ -1,4 +1,4 @@
-"""Robots as rows of a list: rendered once for everybody who asks, until they change.
+"""Robots as rows of a list: rendered once for everybody who asks, until they change. So are whole pages.
 
 A row of a robot that is offline holds until something is known anew. What a link brings changes all the time: of one
 that is online it is at most ROW_S old; that it is, who drives and which labels it has, never. All methods on the event
@@ -8,6 +8,7 @@ loop.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from hashlib import blake2b
@@ -17,6 +18,7 @@ import orjson
 from starlette.requests import HTTPConnection
 
 from gateway.api.listing import Fields
+from gateway.api.robot_pages import Page, RobotPages, state_of
 from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.api.services import Services
 from gateway.domain.fleet.lease import Lease
@@ -73,16 +75,24 @@ class RobotRows:
         self._clock = clock
         self._selections: dict[str, _Selection] = {}
         self._size_bytes = 0
+        self._pages = RobotPages(LIMITS.robot_pages_bytes)
 
     async def page(self, query: RobotQuery, *, after: str, limit: int, fields: Fields, text: str) -> tuple[bytes, str]:
         """The page behind a robot's id, as JSON, and its ETag; `text` is how `fields` were asked for."""
         records = await self._search.behind(query, after, limit + 1)
-        following = records[limit - 1].robot.id if len(records) > limit else None
-        rows = await self._rows(records[:limit], fields, text)
+        asked, shown = (query, after, limit, text), records[:limit]
+        state, now_s = state_of(shown, self._desired, self._lease), self._clock.monotonic_s()
+        if (page := self._pages.find(asked, records, state, now_s)) is not None:
+            return page.body, page.tag
+        following = orjson.dumps(shown[-1].robot.id if len(records) > limit else None)
+        rows = await self._rows(shown, fields, text)
         tag = blake2b(b"".join([row.digest for row in rows]), digest_size=12)
-        tag.update(orjson.dumps(following))
-        body = b'{"robots":[%b],"next":%b}' % (b",".join([row.text for row in rows]), orjson.dumps(following))
-        return body, f'"{tag.hexdigest()}"'
+        tag.update(following)
+        body = b'{"robots":[%b],"next":%b}' % (b",".join([row.text for row in rows]), following)
+        until_s = min((row.made_s + ROW_S for row in rows if row.session[0]), default=math.inf)
+        page = Page(body, f'"{tag.hexdigest()}"', records, state, until_s)
+        self._pages.keep(asked, page)
+        return page.body, page.tag
 
     async def _rows(self, records: list[RobotRecord], fields: Fields, text: str) -> list[_Row]:
         """This loop is what a large fleet's pages are: where rows are known it does nothing but compare."""

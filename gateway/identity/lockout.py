@@ -7,6 +7,7 @@ attempts at the same moment are no better than one after the other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from gateway.errors import TooManyRequestsError
 from gateway.store.accounts.sessions import Failures
@@ -14,6 +15,7 @@ from gateway.store.accounts.sessions import Failures
 __all__ = ["LOCKOUT", "LockOut", "address_group"]
 
 SECOND_NS = 10**9
+_LONGEST = 64  # of an address: longer text is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,14 +56,25 @@ def address_group(address: str) -> str:
 
     Text that is no address stands for itself.
     """
+    return _remembered(address) if len(address) <= _LONGEST else _shortened(address)
+
+
+def _group(address: str) -> str:
     import ipaddress
 
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
-        return address.encode("ascii", "replace").decode()[:64]
+        return _shortened(address)
     if isinstance(found, ipaddress.IPv4Address):
         return str(found)
     if found.ipv4_mapped is not None:
         return str(found.ipv4_mapped)
     return str(ipaddress.ip_network((found, 64), strict=False))
+
+
+def _shortened(text: str) -> str:
+    return text.encode("ascii", "replace").decode()[:_LONGEST]
+
+
+_remembered = lru_cache(maxsize=4096)(_group)  # every request asks, of few addresses

@@ -29,6 +29,7 @@ class Meters:
         GCCollector(registry=self.registry)
         self._requests = self._counter("metaros_http_requests")
         self._request_s = self._histogram("metaros_http_request_seconds", _REQUEST_S)
+        self._answers: dict[tuple[str, str, int], tuple[Counter, Histogram]] = {}  # as many as there are labels
         self._sockets = self._gauge("metaros_sockets")
         self._opened = self._counter("metaros_sockets_opened")
         self._rpcs = self._counter("metaros_rpcs")
@@ -40,8 +41,12 @@ class Meters:
 
     def request(self, method: str, route: str, status: int, *, seconds: float) -> None:
         """A request was answered. `route` is a template of ours, never a path."""
-        self._requests.labels(method, route, f"{status // 100}xx").inc()
-        self._request_s.labels(route).observe(seconds)
+        found = self._answers.get((method, route, status))
+        if found is None:  # finding them by their labels takes longer than counting
+            found = self._requests.labels(method, route, f"{status // 100}xx"), self._request_s.labels(route)
+            self._answers[method, route, status] = found
+        found[0].inc()
+        found[1].observe(seconds)
 
     def socket(self, route: str, *, opened: bool) -> None:
         """A WebSocket was accepted, or one that was is over."""

@@ -180,6 +180,7 @@ class Limits(FunctionLimits):
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
     listed: int = 10_000  # items of one page of a list
     robot_rows_bytes: int = 64 * MIB  # of robots as they are shown in lists, rendered; who was not asked for goes first
+    robot_pages_bytes: int = 16 * MIB  # pages of robots as they were sent last; what was made first goes first
     event_bytes: int = 16 * KIB  # what one event of the journal tells, as JSON
     events_waiting: int = 8192  # that wait for the database; further ones are counted as lost
     events_in_memory: int = 1024  # the newest, for those who watch

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from starlette.datastructures import QueryParams
 from starlette.requests import Request
 
 from gateway.api.problem import PROBLEM_TYPE
@@ -69,11 +71,21 @@ def query_document(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def read_query(request: Request, model: type[Body]) -> Body:
-    """The request's query as the model; InvalidRequestError names what does not fit. What it does not know is left."""
+    """The request's query as the model, for reading alone: others may have the same.
+
+    InvalidRequestError names what does not fit. What the model does not know is left.
+    """
     try:
-        return model.model_validate(dict(request.query_params))
+        found: Body = _query(model, request.scope["query_string"])
     except ValidationError as error:
         raise InvalidRequestError(_faults(error)) from error
+    return found
+
+
+@lru_cache(maxsize=1024)
+def _query(model: type[Any], text: bytes) -> Any:
+    """Remembered, as many ask the same; what is wrong is not."""
+    return model.model_validate(dict(QueryParams(text)))
 
 
 async def read_body(request: Request, model: type[Body]) -> Body:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -17,6 +18,7 @@ from gateway.api import robot_rows as module
 from gateway.api.listing import page_of, read_fields
 from gateway.api.middleware.conditional import entity_tag, matches
 from gateway.api.models.common import Robot as RobotDocument
+from gateway.api.robot_pages import Page, RobotPages
 from gateway.api.robot_rows import RobotRows
 from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.domain.fleet.lease import Lease
@@ -204,7 +206,7 @@ def test_a_condition_names_tags() -> None:
 class Rows:
     """Rows of three robots, and how often one was rendered."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, pages: bool = True) -> None:
         self.clock = ManualClock()
         self.registry = Registry()
         for name in ("a", "b", "c"):
@@ -214,6 +216,8 @@ class Rows:
         self.leases: dict[str, Lease] = {}
         search = RobotSearch(self.registry, lambda _robot: {}, lambda: 0)
         self.rows = RobotRows(search, self._describe, self.desired.get, self.leases.get, clock=self.clock)
+        if not pages:
+            self.rows._pages = RobotPages(0)
 
     def _describe(self, robot: str) -> dict[str, Any]:
         self.rendered += 1
@@ -264,7 +268,7 @@ async def test_a_living_robot_is_shown_a_second_old_but_never_as_what_it_is_not(
 
 
 async def test_rows_that_nobody_asks_for_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    some = Rows()
+    some = Rows(pages=False)
     monkeypatch.setattr(module, "SELECTIONS", 2)
     for text in ("", "id", "state", "state", "id"):
         await some.tag(text)
@@ -272,10 +276,41 @@ async def test_rows_that_nobody_asks_for_go_first(monkeypatch: pytest.MonkeyPatc
     await some.tag("")
     assert some.rendered == 12
     monkeypatch.setattr(module, "OVERHEAD_BYTES", 1 << 25)  # one row is half of what may be kept
-    some = Rows()
+    some = Rows(pages=False)
     await some.tag()
     await some.tag()
     assert some.rendered >= 5
+
+
+async def test_a_page_is_made_once_until_something_in_it_changes() -> None:
+    some, fields = Rows(), read_fields("", RobotDocument)
+
+    async def body(limit: int = 2) -> bytes:
+        return (await some.rows.page(RobotQuery(), after="", limit=limit, fields=fields, text=""))[0]
+
+    first = await body()
+    assert await body() is first
+    assert b'"next":"b"' in first
+    assert b'"next":null' in await body(3)
+    some.registry.get("c").over_quota(1, put_off=False)  # on the next page
+    assert await body() is first
+    some.registry.add(RobotRecord(Robot("aa"), seen_ns=1))
+    assert b'"next":"aa"' in await body()
+
+
+def test_pages_are_bounded_in_bytes() -> None:
+    pages = RobotPages(100)
+
+    def asked(number: int) -> tuple[RobotQuery, str, int, str]:
+        return RobotQuery(), str(number), 1, ""
+
+    state: tuple[list[int], list[object], list[Lease | None]] = ([], [], [])
+    for number, size in enumerate((25, 25, 25, 26, 25, 25)):
+        pages.keep(asked(number), Page(bytes(size), "", [], state, math.inf))
+    assert [pages.find(asked(number), [], state, 0.0) is not None for number in range(6)] == [0, 1, 1, 0, 1, 1]
+    pages.keep(asked(1), Page(bytes(20), "", [], state, 5.0))
+    assert pages.find(asked(1), [], state, 4.9) is not None
+    assert pages.find(asked(1), [], state, 5.0) is None
 
 
 async def test_a_selection_that_is_forgotten_while_it_is_rendered_is_not_counted(
