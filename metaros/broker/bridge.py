@@ -18,6 +18,7 @@ from metaros.broker.outgoing import Outgoing
 from metaros.broker.report import BrokerReport
 from metaros.broker.type_inference import TypeTable
 from metaros.broker.types import Types
+from metaros.broker.unheard import Unheard
 from metaros.broker.wakeup_socket import WakeupSocket
 from metaros.idl.globs import Glob
 from metaros.node import Node
@@ -45,11 +46,15 @@ class Bridge:
         self._graph_changed = True
         self._totals = HubTotals()
         self._missed = 0
+        self._unseen_frames = self._unseen_bytes = 0  # that are accounted for
+        self._unheard = Unheard(ignore=hub.ignore, heed=hub.heed)
         self._next_tick_s = 0.0
         self._version = -1  # of the demand that was acted on
         faults = Faults(node)
         self._types = Types(node, changed=self._on_graph, faults=faults)
-        self._incoming = Incoming(node, table=table, types=self._types, only=only, faults=faults)
+        self._incoming = Incoming(
+            node, table=table, types=self._types, only=only, faults=faults, heard=self._wakeup.wake
+        )
         self._outgoing = Outgoing(
             node,
             self._demand,
@@ -73,7 +78,7 @@ class Bridge:
             hub_frames=self._totals.frames,
             hub_bytes=self._totals.bytes,
             hub_missed=self._missed,
-            unreadable=self._incoming.unreadable,
+            unreadable=self._incoming.unreadable + self._odd_messages(self._totals),
             subscriptions=tuple(prefix.decode(errors="backslashreplace") for prefix in self._demand.prefixes),
         )
 
@@ -117,7 +122,9 @@ class Bridge:
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + _TICK_S
             self._demand.sweep(now_s=now_s)
+            self._unheard.look(self._incoming.routes, now_s=now_s)
             self._hub.ask_totals()
+        self._unheard.listen()
         if self._graph_changed:
             self._graph_changed = False
             self._version = -1
@@ -150,7 +157,22 @@ class Bridge:
             for _ in range(_DRAIN):
                 take(receive(zmq.NOBLOCK))
         except zmq.Again:
-            self._totals = totals
-            self._missed = max(self._missed, totals.frames - self._incoming.frames)
+            if totals is not self._totals:
+                self._totals = totals
+                self._account_for_unseen(totals)
             return False
         return True
+
+    def _account_for_unseen(self, totals: HubTotals) -> None:
+        """What the hub had forwarded by then and did not come here: topics left out, else what was too fast for us."""
+        frames = totals.frames - self._incoming.frames - self._odd_messages(totals) - self._unseen_frames
+        size_bytes = totals.bytes - self._incoming.bytes - self._unseen_bytes
+        if frames > 0:
+            self._unseen_frames += frames
+            self._unseen_bytes += size_bytes
+        if not self._unheard.credit(max(0, frames), max(0, size_bytes)):
+            self._missed += max(0, frames)
+
+    def _odd_messages(self, totals: HubTotals) -> int:
+        """Of the frames that looked like subscriptions: how many were none."""
+        return max(0, self._incoming.odd - totals.subscriptions)

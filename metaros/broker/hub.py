@@ -3,10 +3,13 @@
 Two of libzmq's own forwarding loops in a row, each on a thread that never takes the GIL: what ZeroMQ publishers say
 passes both, and what the bridge says joins between them. So the bridge receives only ZeroMQ's messages, never its own:
 
-    publishers ─▶ XSUB ═▶ XPUB ─┬─▶ XSUB ═▶ XPUB ─▶ subscribers
-                                │     ▲
-                                ▼     │
-                               received outbound (the two sockets of the bridge)
+    publishers ─▶ XSUB ═▶ XPUB ───▶ XSUB ═▶ XPUB ─▶ subscribers
+                        │             ▲
+                        ▼             │
+                       received   outbound (the two sockets of the bridge)
+
+The first loop copies each message to `received` by reference, but for those that begin as the bridge said it does not
+want to see: of these only the number is known. A flood that nobody in ROS listens to so costs Python nothing.
 
 Frames are opaque here. A subscriber that is `hwm` messages behind misses newer ones; libzmq does not tell how many.
 """
@@ -28,10 +31,13 @@ from metaros.limits import LIMITS
 
 __all__ = ["Hub", "HubOptions", "HubTotals", "endpoint"]
 
+_MIDDLE: Final = "inproc://middle"
 _RECEIVED: Final = "inproc://received"
 _OUTBOUND: Final = "inproc://outbound"
 _CONTROL: Final = "inproc://control"
 _TRANSPORTS: Final = ("tcp", "ipc")
+_EVERYTHING: Final = b"\x01"  # ZeroMQ's frame of a subscription to the empty prefix
+_SUBSCRIPTIONS: Final = 4  # where the answer to STATISTICS has what came from the subscribers' side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,10 +51,11 @@ class HubOptions:
 
 @dataclass(frozen=True, slots=True)
 class HubTotals:
-    """What came from ZeroMQ publishers since the beginning."""
+    """What came from ZeroMQ publishers since the beginning, and how many subscriptions passed the other way."""
 
     frames: int = 0
     bytes: int = 0
+    subscriptions: int = 0
 
 
 def endpoint(text: str, *, host: str = "127.0.0.1") -> str:
@@ -67,9 +74,10 @@ def endpoint(text: str, *, host: str = "127.0.0.1") -> str:
 
 
 class Hub:
-    """A running hub. `received` receives every message of a ZeroMQ publisher, `outbound` sends to every subscriber.
+    """A running hub. `received` receives the messages of ZeroMQ publishers, `outbound` sends to every subscriber.
 
-    `outbound` also receives the subscriptions. Both belong to the one thread that uses them.
+    `outbound` also receives the subscriptions, and `received` sees them pass: frames that begin with 0 or 1 are either
+    these or messages without a topic. Both sockets belong to the one thread that uses them.
     """
 
     def __init__(self, options: HubOptions) -> None:
@@ -84,25 +92,29 @@ class Hub:
             raise
 
     def _open(self, options: HubOptions) -> None:
-        front, middle, merge, back, control = (
-            self._socket(kind) for kind in (zmq.XSUB, zmq.XPUB, zmq.XSUB, zmq.XPUB, zmq.PAIR)
+        front, middle, merge, back, copies, control = (
+            self._socket(kind) for kind in (zmq.XSUB, zmq.XPUB, zmq.XSUB, zmq.XPUB, zmq.PUB, zmq.PAIR)
         )
         front.maxmsgsize = LIMITS.broker_message_bytes
         self.received, self.outbound, self.control = (self._socket(kind) for kind in (zmq.SUB, zmq.XPUB, zmq.PAIR))
         self.received.rcvhwm = max(10 * self._hwm, 10_000)  # while the bridge converts one large message
+        copies.invert_matching = self.received.invert_matching = True  # a subscription says what is left out
         control.bind(_CONTROL)
         self.control.connect(_CONTROL)
-        middle.bind(_RECEIVED)
-        self.outbound.bind(_OUTBOUND)
-        merge.connect(_RECEIVED)
-        merge.connect(_OUTBOUND)
+        copies.bind(_RECEIVED)
         self.received.connect(_RECEIVED)
-        self.received.subscribe(b"")
+        middle.bind(_MIDDLE)
+        self.outbound.bind(_OUTBOUND)
+        merge.connect(_MIDDLE)
+        merge.connect(_OUTBOUND)
+        front.send(_EVERYTHING)  # of every publisher, whoever subscribes: the bridge must learn of their topics
         for socket, endpoints in ((front, options.xsub), (back, options.xpub)):
             for where in endpoints:
                 _bind(socket, where)
         self._forward(
-            "metaros-zmq-in", front, middle, lambda: zmq.proxy_steerable(front, middle, None, control), control
+            *("metaros-zmq-in", front, middle),
+            lambda: zmq.proxy_steerable(front, middle, copies, control),
+            *(copies, control),
         )
         self._forward("metaros-zmq-out", merge, back, lambda: zmq.proxy(merge, back))
 
@@ -123,6 +135,14 @@ class Hub:
         thread.start()
         self._threads.append(thread)
 
+    def ignore(self, prefix: bytes) -> None:
+        """Leave messages that begin so out of `received`, from a moment on."""
+        self.received.subscribe(prefix)
+
+    def heed(self, prefix: bytes) -> None:
+        """The reverse of one `ignore`."""
+        self.received.unsubscribe(prefix)
+
     def ask_totals(self) -> None:
         """Have the hub count what it has forwarded; the answer arrives on `control`."""
         with suppress(zmq.Again):
@@ -133,7 +153,8 @@ class Hub:
         with suppress(zmq.Again):
             while True:
                 answer = self.control.recv_multipart(zmq.NOBLOCK)
-                self._totals = HubTotals(*(struct.unpack("=Q", part)[0] for part in answer[:2]))
+                counts = [struct.unpack("=Q", part)[0] for part in answer]
+                self._totals = HubTotals(counts[0], counts[1], counts[_SUBSCRIPTIONS])
         return self._totals
 
     def close(self) -> None:

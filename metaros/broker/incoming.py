@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from metaros.broker.faults import Faults
 from metaros.broker.frames import ros_topic, split
@@ -20,19 +20,31 @@ __all__ = ["Incoming"]
 
 _MOST_TOLD = 20
 _SHOWN = 64
+_MARKS = (b"\x00", b"\x01")  # how a frame that ends or begins a subscription starts
 
 
 class Incoming:
     """The routes. It belongs to the bridge's thread; the counters may be read from any."""
 
-    def __init__(self, node: Node, *, table: TypeTable, types: Types, only: Sequence[Glob], faults: Faults) -> None:
-        self.frames = 0  # that came here
+    def __init__(
+        self,
+        node: Node,
+        *,
+        table: TypeTable,
+        types: Types,
+        only: Sequence[Glob],
+        faults: Faults,
+        heard: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.frames = self.bytes = 0  # that came here
+        self.odd = 0  # those that are a subscription which the hub forwards, or look like one
         self.unreadable = 0  # those without a topic of ours
         self._node = node
         self._table = table
         self._types = types
         self._only = only
         self._faults = faults
+        self._heard = heard  # called on Zenoh's threads when a topic gets its first listener
         self._routes: dict[str, Route] = {}
         self._by_spelling: dict[bytes, Route | None] = {}
         self._warned: set[bytes] = set()
@@ -40,13 +52,18 @@ class Incoming:
 
     def take(self, frames: Sequence[bytes]) -> None:
         """Count a message; queue it where anybody in ROS listens."""
+        first = frames[0]
+        if first[:1] in _MARKS and len(frames) == 1:
+            self.odd += 1
+            return
         self.frames += len(frames)
+        self.bytes += len(first) if len(frames) == 1 else sum(map(len, frames))
         try:
             topic, payload = split(frames)
             route = self._by_spelling[topic] if topic in self._by_spelling else self._find(topic)
         except (FrameError, TooLargeError) as error:
             self.unreadable += 1
-            self._report(frames[0].partition(b" ")[0][:_SHOWN], error)
+            self._report(first.partition(b" ")[0][:_SHOWN], error)
             return
         if route is None:
             return
@@ -55,6 +72,11 @@ class Incoming:
         if route.has_listeners():
             route.backlog.put(payload, len(payload))
             self._queue(route)
+
+    @property
+    def routes(self) -> Iterable[Route]:
+        """One a topic."""
+        return self._routes.values()
 
     def work(self, time_s: float) -> bool:
         """Forward messages for about so long, one of each topic in turn; whether more wait."""
@@ -115,7 +137,9 @@ class Incoming:
                     raise TooLargeError(
                         f"more than {LIMITS.broker_topics} topics: messages of further ones are dropped"
                     )
-                route = self._routes[name] = Route(self._node, name, self._table, self._types, self._faults)
+                route = self._routes[name] = Route(
+                    self._node, name, self._table, self._types, self._faults, self._heard
+                )
         if len(self._by_spelling) < 4 * LIMITS.broker_topics:
             self._by_spelling[topic] = route
         return route

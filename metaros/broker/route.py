@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any, Literal
 
 import zenoh
@@ -26,12 +27,21 @@ _log = logging.getLogger("metaros.broker")
 Origin = Literal["map", "graph", "guess"]
 _SWITCHES = 3  # so often may a guess turn out wrong
 _YOUNG_S = 2.0  # Zenoh needs a moment to tell a new publisher who listens: until then everything is sent
+_YOUNG_MESSAGES = 1000  # but not of a flood
 
 
 class Route:
     """Converts and publishes. It belongs to the bridge's thread; the counters may be read from any."""
 
-    def __init__(self, node: Node, topic: str, table: TypeTable, types: Types, faults: Faults) -> None:
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        table: TypeTable,
+        types: Types,
+        faults: Faults,
+        heard: Callable[[], None],
+    ) -> None:
         self.topic = topic
         self.queued = False  # whether the bridge knows that something waits
         self.backlog: Backlog[bytes] = Backlog()
@@ -41,6 +51,7 @@ class Route:
         self._table = table
         self._types = types
         self._faults = faults
+        self._heard = heard
         self._class: type[Any] | None = None
         self._origin: Origin = "guess"
         self._switches = 0
@@ -48,10 +59,14 @@ class Route:
         self._probe: zenoh.Publisher | None = None
         self._matched = False
         self._young_until_s = 0.0
+        self._old_from = 0  # so many bridged messages, or that time, whatever comes first
 
     def has_listeners(self) -> bool:
         """Whether anybody listens, as far as known."""
-        return self._publisher is None or self._matched or self._node.clock.monotonic_s() < self._young_until_s
+        return self._publisher is None or self._matched or self._young()
+
+    def _young(self) -> bool:
+        return self.bridged < self._old_from and self._node.clock.monotonic_s() < self._young_until_s
 
     def ready(self) -> bool:
         """Whether messages can be converted: not while a node is asked for the topic's type."""
@@ -155,6 +170,7 @@ class Route:
         self._publisher = self._node.create_publisher(cls, self.topic)
         self.gids.add(self._publisher.gid)
         self._young_until_s = self._node.clock.monotonic_s() + _YOUNG_S
+        self._old_from = self.bridged + _YOUNG_MESSAGES
         # a second declaration of the same key, only to be told who listens: tools without a token, too
         self._probe = self._node.context.session.check_open().declare_publisher(self._publisher.key)
         self._on_matching(self._probe.matching_status)
@@ -162,6 +178,8 @@ class Route:
 
     def _on_matching(self, status: Any) -> None:  # Zenoh's stub calls it a bool; it is an object
         self._matched = bool(status.matching)
+        if self._matched:
+            self._heard()
 
     def close(self) -> None:
         """Leave the topic."""

@@ -4,7 +4,8 @@
 
 Publisher, hub and reader are processes of their own on this host. The publisher says `/bench {"data": "…"}` as fast as
 it can; counted is what the reader gets. `proxy` and `hub` are ZeroMQ to ZeroMQ, through a plain `zmq.proxy` and through
-the broker, which meanwhile counts every message. `hub, heard` is the same while a node listens, so that the bridge
+the broker, which meanwhile counts every message. `chain` is two plain proxies in a row, as the broker's hub has them to
+keep what the bridge says from coming back to it: what there is between `proxy` and the hub's best. `hub, heard` is the same while a node listens, so that the bridge
 converts as much as it can. `to ROS` and `to ZMQ` are the bridge: a ZeroMQ publisher and a node's subscription, a node's
 publisher and a ZeroMQ subscriber. Rounds are interleaved; the figures are medians over the rounds.
 """
@@ -29,7 +30,7 @@ from tests.support.ports import free_port
 
 __all__ = ["main", "run"]
 
-MODES = ("proxy", "hub", "hub, heard", "to ROS", "to ZMQ")
+MODES = ("proxy", "chain", "hub", "hub, heard", "to ROS", "to ZMQ")
 SIZES = (64, 1024, 65536)
 _TOPIC = "/bench"
 _WARM_UP_S = 0.3
@@ -50,6 +51,7 @@ def _once(mode: str, size: int, seconds: float) -> float:
     ports = [str(free_port()) for _ in range(3)]
     roles = {
         "proxy": ("proxy", "zmq-pub", "zmq-sub"),
+        "chain": ("chain", "zmq-pub", "zmq-sub"),
         "hub": ("broker", "zmq-pub", "zmq-sub"),
         "hub, heard": ("broker", "ros-sub", "zmq-pub", "zmq-sub"),
         "to ROS": ("broker", "zmq-pub", "ros-sub"),
@@ -61,7 +63,7 @@ def _once(mode: str, size: int, seconds: float) -> float:
             command = [sys.executable, "-m", "load_tests.benchmarks.library.broker", "--role", role, "--ports", *ports]
             command += ["--size", str(size), "--seconds", str(seconds)]
             running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
-            if role in ("proxy", "broker"):
+            if role in ("proxy", "chain", "broker"):
                 assert running[-1].stdout is not None
                 running[-1].stdout.readline()  # it listens
         out, _ = running[-1].communicate(timeout=_START_S + seconds)
@@ -81,6 +83,20 @@ def _proxy(ports: list[int]) -> None:
     back.bind(f"tcp://127.0.0.1:{ports[1]}")
     print("ready", flush=True)
     zmq.proxy(front, back)
+
+
+def _chain(ports: list[int]) -> None:
+    import threading
+
+    context = zmq.Context()
+    front, middle, merge, back = (context.socket(kind) for kind in (zmq.XSUB, zmq.XPUB, zmq.XSUB, zmq.XPUB))
+    front.bind(f"tcp://127.0.0.1:{ports[0]}")
+    middle.bind("inproc://middle")
+    merge.connect("inproc://middle")
+    back.bind(f"tcp://127.0.0.1:{ports[1]}")
+    threading.Thread(target=lambda: zmq.proxy(front, middle), daemon=True).start()
+    print("ready", flush=True)
+    zmq.proxy(merge, back)
 
 
 def _broker(ports: list[int]) -> None:
@@ -163,6 +179,7 @@ def _play(role: str, ports: list[int], size: int, seconds: float) -> None:
     """One of the processes of a measurement."""
     parts: dict[str, Callable[[], None]] = {
         "proxy": lambda: _proxy(ports),
+        "chain": lambda: _chain(ports),
         "broker": lambda: _broker(ports),
         "zmq-pub": lambda: _zmq_publisher(ports, size),
         "ros-pub": lambda: _ros_publisher(ports, size),
@@ -179,7 +196,12 @@ def _print(figures: dict[tuple[str, int], list[float]], sizes: tuple[int, ...]) 
     for mode in MODES:
         cells = [f"{statistics.median(figures[mode, size]):,.0f}" for size in sizes]
         print(f"| {mode} | " + " | ".join(cells) + " |")
-    note("64 B through the hub", figures["hub", sizes[0]], peer=figures["proxy", sizes[0]])
+    plain = figures["proxy", sizes[0]]
+    note("64 B through the hub", figures["hub", sizes[0]], peer=plain)
+    for name, mode in (("hub", "hub"), ("hub, a node listening", "hub, heard"), ("bare chain", "chain")):
+        note(
+            f"64 B, {name} ÷ zmq.proxy", [ours / its for ours, its in zip(figures[mode, sizes[0]], plain, strict=True)]
+        )
     shares = [statistics.median(figures["hub", size]) / statistics.median(figures["proxy", size]) for size in sizes]
     print("| hub ÷ proxy | " + " | ".join(f"{share:.2f}" for share in shares) + " |")
 

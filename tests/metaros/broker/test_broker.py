@@ -19,7 +19,7 @@ from metaros.idl.globs import Glob
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import LaserScan
-from metaros.interfaces.std_msgs.msg import Bool, Float64, String, UInt8MultiArray
+from metaros.interfaces.std_msgs.msg import Bool, Float64, Int64, String, UInt8MultiArray
 from tests.metaros.broker.conftest import Rig, received
 from tests.support.processes.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
@@ -129,6 +129,42 @@ def test_a_guess_gives_way_to_what_comes_later(rig: Rig) -> None:
     rig.until(lambda: heard, send=lambda: publisher.send(b'/level {"data": true}'))
     assert rig.row("/level", "TO_ROS").type == "std_msgs/msg/Bool"
     reader.undeclare()
+
+
+def test_a_flood_that_nobody_listens_to_is_left_out_and_counted_until_somebody_does(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import metaros.broker.unheard
+
+    monkeypatch.setattr(metaros.broker.unheard, "_FLOOD", 20)
+    publisher = rig.publisher()
+    left_out: list[bytes] = []
+    ignore = rig.broker._bridge._unheard._ignore
+    monkeypatch.setattr(
+        rig.broker._bridge._unheard, "_ignore", lambda prefix: (left_out.append(prefix), ignore(prefix))
+    )
+
+    def flood() -> None:
+        for _ in range(100):
+            publisher.send(b"/flood 1")
+
+    rig.until(lambda: left_out == [b"/flood ", b"flood "], send=flood)
+    for _ in range(4):
+        flood()
+    rig.until(lambda: rig.row("/quiet", "TO_ROS"), send=lambda: publisher.send(b"/quiet 1"))
+    rig.until(lambda: rig.broker.report().unreadable, send=lambda: publisher.send(b"\x01 no subscription and no topic"))
+    wait_until(lambda: _all_counted(rig))
+    heard: list[int] = []
+    rig.node.create_subscription(Int64, "/flood", lambda message: heard.append(message.data))
+    rig.until(lambda: heard, send=lambda: publisher.send(b"/flood 1"))
+    wait_until(lambda: _all_counted(rig))
+
+
+def _all_counted(rig: Rig) -> bool:
+    """Whether every frame of the hub is in one of the report's counters."""
+    report = rig.broker.report()
+    counted = sum(row.messages for row in report.rows) + report.unreadable
+    return report.hub_missed == 0 and counted == report.hub_frames
 
 
 CHARGER = """

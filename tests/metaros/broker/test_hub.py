@@ -66,15 +66,24 @@ def test_the_bridge_never_hears_itself_and_sees_who_subscribes() -> None:
             assert ears.poll(60_000)
             assert ears.recv() == b"/a by the bridge"
 
-            def received() -> bool:
-                mouth.send(b"/a by a program")
-                return bool(hub.received.poll(0))
+            heard: list[bytes] = []
 
-            wait_until(received)
-            assert hub.received.recv() == b"/a by a program", "and nothing of its own before"
+            def listen(say: bytes) -> list[bytes]:
+                mouth.send(say)
+                while hub.received.poll(0):
+                    heard.append(hub.received.recv())
+                return heard
+
+            wait_until(lambda: b"/a by a program" in listen(b"/a by a program"))
             ears.unsubscribe(b"/a")
             assert hub.outbound.poll(60_000)
             assert hub.outbound.recv() == b"\x00/a"
+            wait_until(lambda: b"\x00/a" in listen(b"/a by a program"))
+            assert set(heard) == {b"\x01/a", b"\x00/a", b"/a by a program"}, "and nothing of its own"
+            hub.ignore(b"/a ")
+            wait_until(lambda: listen(b"/a later") and listen(b"/b") and heard[-1] == heard[-2] == b"/b")
+            hub.heed(b"/a ")
+            wait_until(lambda: listen(b"/a again")[-1] == b"/a again")
     finally:
         hub.close()
 
