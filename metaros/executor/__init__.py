@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from metaros.executor.channel_mailbox import CHANNEL, ChannelMailbox
 from metaros.executor.groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from metaros.executor.ingress import Ingress
 from metaros.executor.mailbox import Mailbox
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
     from metaros.executor.pool import MultiThreadedExecutor
 
 __all__ = [
+    "CHANNEL",
     "AsyncioExecutor",
     "CallbackGroup",
+    "ChannelMailbox",
     "Executor",
     "FairExecutor",
     "Ingress",

@@ -19,53 +19,18 @@ from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 from metaros.concurrency.native_callbacks import Addressed, addressed_to
-from metaros.concurrency.waiting import Wakeup
 from metaros.errors import UsageError
+from metaros.executor.channel_mailbox import ChannelMailbox
 from metaros.executor.mailbox import Mailbox
+from metaros.executor.ready_queue import Ownership, ReadyQueue
 
-__all__ = ["Ingress", "Ownership", "ReadyQueue"]
+__all__ = ["Ingress"]
 
 _RELIEF_MIN_S: Final = 0.01  # while samples flow: what arrives in so long is the overshoot of the bounds
 _RELIEF_MAX_S: Final = 0.16  # while nothing does
-
-
-class Ownership:
-    """Which threads spin, so that a blocking call can tell that it would wait for itself."""
-
-    def __init__(self) -> None:
-        self._threads: dict[ReadyQueue, int] = {}
-
-    def begin(self, ready_queue: ReadyQueue) -> None:
-        """The calling thread spins the nodes of this ready queue."""
-        self._threads[ready_queue] = threading.get_ident()
-
-    def end(self, ready_queue: ReadyQueue) -> None:
-        """It spins no more."""
-        self._threads.pop(ready_queue, None)
-
-    @property
-    def is_mine(self) -> bool:
-        """Whether the calling thread is the only one that spins nodes of the context."""
-        return list(self._threads.values()) == [threading.get_ident()]
-
-
-class ReadyQueue:
-    """The mailboxes with work of one executor's nodes. Guarded by its ingress's lock; one thread waits on it."""
-
-    __slots__ = ("__weakref__", "asleep", "ingress", "ready", "signal", "woken")
-
-    def __init__(self) -> None:
-        self.ingress: Ingress | None = None  # where it is registered
-        self.ready: list[Mailbox] = []
-        self.woken = False  # whether it was told to look around since it last waited
-        self.asleep = False  # whether its thread waits on `signal`, while another leads
-        self.signal = Wakeup()
-
-    def wake(self) -> None:
-        """End its sleep."""
-        if self.asleep:
-            self.asleep = False
-            self.signal.set()
+_LOOKS_S: Final = 0.001  # an executor that asked for work so long ago, at most, is not late
+_LOOKS_AMID_S: Final = 0.005  # the same amid a flood, where the system gives its threads in turn a few milliseconds
+_FLOOD: Final = 64  # items beyond the depth of their mailbox
 
 
 class Ingress:
@@ -93,6 +58,8 @@ class Ingress:
         self._relief: threading.Thread | None = None
         self._name = name
         self._chores: tuple[Callable[[], None], ...] = ()
+        self._late: set[Mailbox] = set()  # that were let have more than their depth
+        self._channelled: set[ChannelMailbox] = set()
 
     # -- wiring ----------------------------------------------------------------------------------------------------
 
@@ -111,10 +78,30 @@ class Ingress:
             return not rest
 
     def put_to(self, mailbox: Mailbox) -> Callable[[Any], None]:
-        """A sink, a C function, for items without a key of their own in the table."""
+        """A sink, a C function, for items without a key of their own in the table.
+
+        Of one that is filled from channels it is the bell: what is put says only that something is in a channel.
+        """
         with self._lock:
             self._start_relief()
         return addressed_to(mailbox, self.put)
+
+    def attach(self, mailbox: ChannelMailbox, receive: Callable[[], Any]) -> None:
+        """Fill the mailbox from a channel, too, by its function that returns an item, or None at once."""
+        with self._lock:
+            mailbox.channels = (*mailbox.channels, receive)
+            self._channelled.add(mailbox)
+
+    def detach(self, mailbox: ChannelMailbox) -> None:
+        """Fill it no more."""
+        with self._lock:
+            mailbox.channels = ()
+            self._channelled.discard(mailbox)
+
+    def refill(self, mailbox: ChannelMailbox) -> None:
+        """For who takes its items without an executor."""
+        with self._lock:
+            mailbox.refill()
 
     def offer(self, mailbox: Mailbox) -> None:
         """Say that something was appended to the mailbox's `pending` from outside."""
@@ -244,22 +231,22 @@ class Ingress:
         finally:
             self._due_s = None
         with self._lock:
-            self._sort([first, *self._arrived()])
+            self._sort([first, *self._arrived()], time.monotonic())
         return True
 
-    def collect(self) -> None:
-        """Sort everything that has arrived into the mailboxes, without waiting."""
+    def collect(self, *, relief: bool = False) -> None:
+        """Sort everything that has arrived into the mailboxes, without waiting. `relief`: for executors that do not."""
         if self.queue.empty():
             return
         with self._lock:
             if self._leader is None:
-                self._sort(self._arrived())
+                self._sort(self._arrived(), None if relief else time.monotonic())
 
     def _arrived(self) -> list[Any]:
         get = self.queue.get
         return [get() for _ in range(self.queue.qsize())]
 
-    def _sort(self, arrivals: Iterable[Any]) -> None:
+    def _sort(self, arrivals: Iterable[Any], now_s: float | None) -> None:
         self._collected += 1
         routes, touched = self._routes, set()
         boxes: tuple[Mailbox, ...] = ()
@@ -267,7 +254,8 @@ class Ingress:
         for item in arrivals:
             if type(item) is Addressed:
                 box = item.start
-                box.pending.append(item.stop)
+                if not box.channelled:
+                    box.pending.append(item.stop)
                 touched.add(box)
             elif item is not None:
                 if (found := item.key_expr) != key:
@@ -282,15 +270,32 @@ class Ingress:
                     ready_queue.woken = True
                     ready_queue.wake()
         for box in touched:
-            box.trim()
+            ready_queue = self._ready_queues.get(box.owner, self._unclaimed)
+            if box.channelled:
+                box.refill()
+                if not box.pending:
+                    continue
+            elif box.depth is None or len(box.pending) <= box.depth:
+                box.trim()
+            else:
+                box.trim(self._looking_s(ready_queue, now_s, len(box.pending) - box.depth))
+                if box.late_s:
+                    self._late.add(box)
             if not box.queued:
                 box.queued = True
-                ready_queue = self._ready_queues.get(box.owner, self._unclaimed)
                 ready_queue.ready.append(box)
                 ready_queue.wake()
 
+    def _looking_s(self, ready_queue: ReadyQueue, now_s: float | None, excess: int) -> float | None:
+        """The time where its executor waits for work, or asked for some a moment ago; None: it is in a callback."""
+        if now_s is None or ready_queue is self._leader or ready_queue.asleep:
+            return now_s
+        since_s = now_s - ready_queue.looked_s
+        return now_s if since_s < (_LOOKS_S if excess < _FLOOD else _LOOKS_AMID_S) else None
+
     def take_ready(self, ready_queue: ReadyQueue) -> list[Mailbox]:
         """The queue's mailboxes with work, in the order in which it came; each is the caller's until it requeues it."""
+        ready_queue.looked_s = time.monotonic()
         if not ready_queue.ready:
             return []
         with self._lock:
@@ -300,6 +305,8 @@ class Ingress:
     def requeue(self, mailbox: Mailbox, *, wake_executor: bool = False) -> None:
         """Give a mailbox back: it stays queued while it has work that may run. `wake_executor`: end its wait."""
         with self._lock:
+            if mailbox.channelled:
+                mailbox.refill()  # type: ignore[attr-defined]
             # First the flag, then the look: whoever appends then looks at the flag, and one of the two sees the other.
             mailbox.queued = False
             if mailbox.pending and not mailbox.busy:
@@ -322,7 +329,9 @@ class Ingress:
         while not self._stop.wait(pause_s):
             stuck = self._collected == seen
             if stuck and not self.queue.empty():
-                self.collect()
+                self.collect(relief=True)
+            if self._late or self._channelled:
+                self._keep_bounds()
             due_s = self._due_s
             if due_s is not None and time.monotonic() > due_s:
                 self.put(None)
@@ -330,3 +339,17 @@ class Ingress:
                 chore()
             pause_s = min(pause_s * 2, _RELIEF_MAX_S) if seen == self._collected else _RELIEF_MIN_S
             seen = self._collected
+
+    def _keep_bounds(self) -> None:
+        """Of mailboxes that an executor filled before it got stuck, and of channels that would hold up their link."""
+        now_s = time.monotonic()
+        with self._lock:
+            late, self._late = self._late, set()
+            for box in late:
+                if box.late_s:
+                    box.drop_late()
+                if box.late_s:
+                    self._late.add(box)
+            for filled in self._channelled:
+                if filled.relieve(now_s):
+                    self._collected += 1  # more is coming: look again soon

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from metaros.executor.groups import CallbackGroup
 
 __all__ = ["Mailbox"]
 
+_BURST_S: Final = 0.01  # for so long an executor that looks may have more than `depth` before it
 _FEW: Final = 64  # so few small items are not weighed: weighing costs more than it saves
 
 
@@ -19,7 +21,13 @@ class Mailbox:
     `depth` is the history depth; None keeps all, up to `limit_bytes`. `handle(item)` is run by an executor, one item
     at a time; it returns a coroutine when the callback is an `async def`. `size_of(item)` weighs an item.
     `owner` is the node whose executor handles the items, `group` says what its callbacks may overlap with.
+
+    A link delivers in bursts: hundreds of small samples within a tenth of a millisecond, from one read of its socket.
+    An executor that keeps up handles them in the next half millisecond, so `depth` counts only what it has not handled
+    within `_BURST_S`: see `trim` and `drop_late`.
     """
+
+    channelled: ClassVar[bool] = False  # whether it is filled from channels: see `ChannelMailbox`
 
     __slots__ = (
         "_weigh_at",
@@ -28,6 +36,7 @@ class Mailbox:
         "dropped",
         "group",
         "handle",
+        "late_s",
         "limit_bytes",
         "owner",
         "pending",
@@ -52,6 +61,7 @@ class Mailbox:
         self.limit_bytes = limit_bytes
         self.pending: deque[Any] = deque()
         self.dropped = 0
+        self.late_s = 0.0  # when what is beyond `depth` will be dropped, by the monotonic clock; 0.0 if nothing is
         self.queued = False  # whether an executor knows that there is work
         self.group = group
         self.running = 0  # coroutines of this mailbox that are not done
@@ -70,20 +80,36 @@ class Mailbox:
             group=self.group,
         )
 
-    def trim(self) -> None:
+    def trim(self, looking_s: float | None = None) -> None:
         """Drop the oldest items until the rest fits the bounds. Call after appending to `pending`.
 
-        An executor may take items out at the same time, on another thread.
+        An executor may take items out at the same time, on another thread. `looking_s` is the monotonic time where the
+        mailbox's executor is looking at this moment: then what is beyond `depth` may wait for `_BURST_S`.
         """
         pending = self.pending
         if self.depth is not None:
-            excess = len(pending) - self.depth
-            if excess > 0:
-                self._drop(excess)
+            if len(pending) <= self.depth:
+                self.late_s = 0.0
+            elif looking_s is None or 0.0 < self.late_s < looking_s:
+                self._keep_depth(self.depth)
+            elif not self.late_s:
+                self.late_s = looking_s + _BURST_S
         if len(pending) > self._weigh_at or self._newest_bytes() > self.limit_bytes // _FEW:
             self._trim_bytes()
         elif len(pending) < _FEW:
             self._weigh_at = _FEW
+
+    def drop_late(self) -> None:
+        """What waits beyond `depth` goes if its time is over. Call before taking an item while `late_s` is set."""
+        depth = self.depth
+        if depth is None or len(self.pending) <= depth:  # the executor has caught up
+            self.late_s = 0.0
+        elif time.monotonic() > self.late_s:
+            self._keep_depth(depth)
+
+    def _keep_depth(self, depth: int) -> None:
+        self._drop(len(self.pending) - depth)
+        self.late_s = 0.0
 
     def _newest_bytes(self) -> int:
         try:

@@ -223,6 +223,8 @@ def _ingress_of(mailbox: Mailbox) -> Ingress:
 
 
 def _take(mailbox: Mailbox) -> Any:
+    if mailbox.late_s:
+        mailbox.drop_late()
     try:
         return mailbox.pending.popleft()
     except IndexError:

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from metaros.concurrency.signals import StopEvent
 from metaros.errors import ClosedError, UsageError
-from metaros.executor.ingress import Ingress, ReadyQueue
+from metaros.executor.ingress import Ingress
 from metaros.executor.interrupts import Interrupts, interrupts
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
+from metaros.executor.ready_queue import ReadyQueue
 from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.executor.timers import Timer
 from metaros.lazy_import import LazyModule
@@ -242,6 +243,8 @@ class SingleThreadedExecutor:
         for _ in range(min(len(pending), limit)):
             if mailbox.busy:
                 break
+            if mailbox.late_s:
+                mailbox.drop_late()
             try:
                 item = pending.popleft()
             except IndexError:  # the relief thread dropped it meanwhile

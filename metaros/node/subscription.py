@@ -10,7 +10,7 @@ from typing import Any
 import zenoh
 
 from metaros.errors import UsageError
-from metaros.executor import CallbackGroup, Mailbox
+from metaros.executor import CHANNEL, CallbackGroup, ChannelMailbox, Mailbox
 from metaros.limits import LIMITS
 from metaros.node.core import NodeCore
 from metaros.node.dedicated_threads import ChannelThread, RingThread, feed, handle_each
@@ -19,7 +19,7 @@ from metaros.node.events.callbacks import SubscriptionEvents
 from metaros.node.events.subscription_monitor import SubscriptionMonitor
 from metaros.node.info import takes
 from metaros.node.key_subscribers import declare_with_history
-from metaros.node.mixed.lanes import handle_accepted, run_accepted
+from metaros.node.mixed.lanes import handle_accepted, receive_accepted, run_accepted
 from metaros.node.mixed.twin_key import TwinKey
 from metaros.node.receiver import Receiver
 from metaros.wire import Durability, History, QoSProfile
@@ -78,14 +78,9 @@ class Subscription(Endpoint):
             dropped=lambda: self.dropped,
             raises=raises,
         )
-        self._mailbox = Mailbox(
-            self._receiver.handle,
-            owner=node,
-            depth=None if qos.history is History.KEEP_ALL else qos.depth,
-            limit_bytes=LIMITS.ingress_bytes,
-            size_of=sample_bytes,
-            group=group,
-        )
+        keeps_all, latched = qos.history is History.KEEP_ALL, qos.durability is Durability.TRANSIENT_LOCAL
+        channelled = keeps_all and not dedicated and not latched
+        self._mailbox = self._new_mailbox(ChannelMailbox if channelled else Mailbox, group)
         pending = self._mailbox.pending
         self.events = SubscriptionMonitor(
             self, events, on_inspect=self._receiver.inspect, waiting=lambda: bool(pending)
@@ -97,7 +92,10 @@ class Subscription(Endpoint):
         self.on_close(lambda: node.context.drops.discard(self._row))
         if is_async:
             node.ingress.async_work = True
-        if qos.history is History.KEEP_ALL:
+        if channelled:
+            self._listen_to_channel(self.key)
+            self.speak_both(self._listen_to_channel, with_the_first=True)
+        elif keeps_all:
             self._listen_to_all(dedicated=dedicated)
         elif dedicated:
             self._listen_to_ring()
@@ -105,6 +103,16 @@ class Subscription(Endpoint):
             self._listen(self.key)
             self.speak_both(self._listen, with_the_first=True)
         self.announce()
+
+    def _new_mailbox(self, kind: type[Mailbox], group: CallbackGroup | None) -> Mailbox:
+        return kind(
+            self._receiver.handle,
+            owner=self.node,
+            depth=None if self.qos.history is History.KEEP_ALL else self.qos.depth,
+            limit_bytes=LIMITS.ingress_bytes,
+            size_of=sample_bytes,
+            group=group,
+        )
 
     @property
     def lost(self) -> int:
@@ -155,6 +163,19 @@ class Subscription(Endpoint):
             sink = self.twin.pass_on(sink)
         self.on_close(self._declare(key, zenoh.handlers.Callback(sink, indirect=False)).undeclare)
 
+    def _listen_to_channel(self, key: str) -> None:
+        """Through a channel in Zenoh's memory, whose publishers wait while it is full, to the executor."""
+        ingress, mailbox, twin = self.node.context.ingress, self._mailbox, self.twin
+        assert isinstance(mailbox, ChannelMailbox)
+        channel = self._declare(key, zenoh.handlers.FifoChannel(CHANNEL))
+        self.on_close(channel.undeclare)
+        receive = channel.handler.try_recv
+        ingress.attach(mailbox, receive if twin is None or key == self.key else receive_accepted(twin, receive))
+        self.on_close(lambda: ingress.detach(mailbox))
+        # The bell comes second: Zenoh serves the subscribers of a key in the order in which they were declared.
+        bell = self._declare(key, zenoh.handlers.Callback(ingress.put_to(mailbox), indirect=False))
+        self.on_close(bell.undeclare)
+
     def _listen_to_ring(self) -> None:
         """Through Zenoh's ring with a thread of its own, which handles the samples."""
         handle = self._receiver.handle
@@ -171,14 +192,7 @@ class Subscription(Endpoint):
         if dedicated:
             run = handle_each(handle)
         else:
-            executors = Mailbox(
-                handle,
-                owner=self.node,
-                depth=None,
-                limit_bytes=LIMITS.ingress_bytes,
-                size_of=sample_bytes,
-                group=self._mailbox.group,
-            )
+            executors = self._mailbox.like()
             self.mailboxes.append(executors)
             run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)

@@ -1,4 +1,4 @@
-"""The lane of a dedicated subscription's twin key, which takes what belongs there."""
+"""What comes by a twin key and does not pass the ingress: only what belongs there is taken."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import zenoh
 
 from metaros.node.mixed.twin_key import TwinKey
 
-__all__ = ["handle_accepted", "run_accepted"]
+__all__ = ["handle_accepted", "receive_accepted", "run_accepted"]
 
 Handle = Callable[[zenoh.Sample], Any]
 Run = Callable[[list[zenoh.Sample]], None]
@@ -33,3 +33,15 @@ def run_accepted(twin: TwinKey, run: Run) -> Run:
             run(accepted)
 
     return run_if_accepted
+
+
+def receive_accepted(twin: TwinKey, receive: Callable[[], zenoh.Sample | None]) -> Callable[[], zenoh.Sample | None]:
+    """The same for a channel's oldest sample."""
+
+    def receive_if_accepted() -> zenoh.Sample | None:
+        while (sample := receive()) is not None:
+            if twin.accepts(sample):
+                break
+        return sample
+
+    return receive_if_accepted

@@ -14,7 +14,8 @@ from types import CodeType
 import pytest
 
 from metaros.concurrency.waiting import WaitQueue, Wakeup, pause
-from metaros.executor.ingress import Ingress, ReadyQueue
+from metaros.executor.ingress import Ingress
+from metaros.executor.ready_queue import ReadyQueue
 from tests.support.nodes.interrupts import interrupt_at
 
 TIMEOUT_S = 0.02

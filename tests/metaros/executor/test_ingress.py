@@ -6,7 +6,7 @@ from collections import deque
 from typing import Any
 
 from metaros.executor import Ingress, Mailbox
-from metaros.executor.ingress import ReadyQueue
+from metaros.executor.ready_queue import ReadyQueue
 
 
 class Interrupted(deque[Any]):

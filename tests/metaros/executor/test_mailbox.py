@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import repeat
 from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from metaros.executor import Mailbox
+from metaros.executor import ChannelMailbox, Mailbox
 
 
 def mailbox(depth: int | None, limit_bytes: int = 1000) -> Mailbox:
@@ -21,6 +22,70 @@ def test_keep_last_keeps_the_newest():
     box.trim()
     assert list(box.pending) == [b"3", b"4", b"5"]
     assert box.dropped == 2
+
+
+def test_a_burst_before_an_executor_that_looks_is_dropped_when_it_is_late():
+    box = mailbox(3)
+    box.pending.extend([b"1", b"2", b"3", b"4", b"5"])
+    box.trim(looking_s=100.0)
+    assert (len(box.pending), box.dropped) == (5, 0)
+    box.trim(looking_s=100.005)
+    assert (len(box.pending), box.dropped) == (5, 0)
+    box.trim(looking_s=100.02)
+    assert list(box.pending) == [b"3", b"4", b"5"]
+    assert (box.dropped, box.late_s) == (2, 0.0)
+
+
+def test_who_takes_from_a_burst_drops_it_when_it_is_late_and_may_catch_up():
+    box = mailbox(3)
+    box.pending.extend([b"1", b"2", b"3", b"4", b"5"])
+    box.trim(looking_s=1.0)  # long ago, by the clock
+    box.drop_late()
+    assert (list(box.pending), box.late_s) == ([b"3", b"4", b"5"], 0.0)
+    box.pending.append(b"6")
+    box.trim(looking_s=1.0)
+    box.pending.popleft()
+    box.drop_late()
+    assert (len(box.pending), box.dropped, box.late_s) == (3, 2, 0.0)
+
+
+def channelled(channel: deque[bytes], limit_bytes: int = 1 << 20) -> ChannelMailbox:
+    box = ChannelMailbox(lambda item: None, owner=None, depth=None, limit_bytes=limit_bytes, size_of=len)
+    box.channels = (lambda: channel.popleft() if channel else None,)
+    return box
+
+
+def test_a_channel_is_emptied_as_far_as_items_are_handled():
+    channel = deque(number.to_bytes(2, "big") for number in range(1000))
+    box = channelled(channel)
+    box.refill()
+    box.refill()
+    assert (len(box.pending), len(channel)) == (512, 488)
+    taken = [box.pending.popleft() for _ in range(100)]
+    box.refill()
+    assert (len(box.pending), len(channel)) == (512, 388)
+    assert [*taken, *box.pending, *channel] == [number.to_bytes(2, "big") for number in range(1000)]
+
+
+def test_of_large_items_no_more_are_taken_out_than_fit():
+    channel = deque(repeat(bytes(300), 20))
+    box = channelled(channel, limit_bytes=1000)
+    for _ in range(3):
+        box.refill()
+    assert (len(box.pending), len(channel)) == (3, 17)
+
+
+def test_a_channel_whose_executor_is_stuck_is_emptied_within_the_bounds():
+    channel = deque(repeat(bytes(300), 20))
+    box = channelled(channel, limit_bytes=1000)
+    box.refill()
+    assert not box.relieve(now_s=1.0)
+    assert not box.relieve(now_s=1.05)
+    assert box.relieve(now_s=1.2)
+    assert (len(box.pending) + box.dropped, len(channel)) == (20, 0)
+    assert len(box.pending) <= 3
+    box.pending.popleft()
+    assert not box.relieve(now_s=1.3)
 
 
 def test_keep_all_keeps_what_fits():

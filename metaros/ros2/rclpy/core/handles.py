@@ -10,7 +10,7 @@ from typing import Any
 
 from metaros.cdr import codec
 from metaros.errors import PeerError
-from metaros.executor import CallbackGroup
+from metaros.executor import CallbackGroup, ChannelMailbox
 from metaros.node.arguments import NodeArguments
 from metaros.node.context import Context as NativeContext
 from metaros.node.core import NodeCore
@@ -178,8 +178,13 @@ class SubscriptionHandle(Destroyable, NativeSubscription):
         """The oldest sample that no executor has taken, and its info; None where none has come."""
         del message_type  # it is known
         self.node.ingress.collect()
-        pending = self.mailboxes[-1].pending
+        mailbox = self.mailboxes[-1]
+        pending = mailbox.pending
         while True:
+            if mailbox.late_s:
+                mailbox.drop_late()
+            if isinstance(mailbox, ChannelMailbox) and not pending:
+                self.node.ingress.refill(mailbox)
             try:
                 sample = pending.popleft()
             except IndexError:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from metaros.executor import Ingress, Mailbox
-from metaros.executor.ingress import ReadyQueue
+from metaros.executor.ready_queue import ReadyQueue
 from metaros.ros2.rclpy.core.rcl_errors import InvalidHandle
 from metaros.ros2.rclpy.execution.inbox import InboxMail
 from metaros.ros2.rclpy.execution.task import Task

@@ -168,6 +168,8 @@ class MailWork(Work):
             self.taken()
         apart = group is not None and group.overlap > 1  # the next item need not wait for this one
         for _ in range(1 if apart else min(len(pending), limit)):
+            if mailbox.late_s:
+                mailbox.drop_late()
             try:
                 item = pending.popleft()
             except IndexError:  # the relief thread dropped it meanwhile
