@@ -2,41 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 
 from gateway.api.robot_search import RobotQuery
-from gateway.domain.fleet.lease import Lease
 from gateway.ingest.registry import RobotRecord
 
-__all__ = ["Asked", "Page", "PageState", "RobotPages", "state_of"]
+__all__ = ["Asked", "Page", "RobotPages", "marks_of", "revisions_of"]
 
 Asked = tuple[RobotQuery, str, int, str]  # which robots, behind which, how many, which fields
-PageState = tuple[list[int], list[object], list[Lease | None]]
+_REVISION = attrgetter("revision")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
-    """A page as JSON with its ETag; what it was made of; until when what robots with a link say in it is new enough."""
+    """A page as JSON with its ETag, and what it was made of: its robots, and the one behind them.
+
+    `given` stands for labels and leases, of all robots; `until_s` is when what robots with a link say is too old.
+    """
 
     body: bytes
     tag: str
     records: list[RobotRecord]
-    state: PageState
+    revisions: list[int]
+    marks: list[int]
+    given: object
     until_s: float
 
 
-def state_of(
-    records: list[RobotRecord], desired: Callable[[str], object], lease: Callable[[str], Lease | None]
-) -> PageState:
-    """What a page of some robots is made of, as numbers and objects that are others when it would be another page."""
-    ids = [record.robot.id for record in records]
-    # What a link brings changes all the time: of a robot that has one it counts which link that is, and its channels.
-    marks = [
+def revisions_of(records: list[RobotRecord]) -> list[int]:
+    """Numbers that are the same as long as nothing at all is new of these robots."""
+    return list(map(_REVISION, records))
+
+
+def marks_of(records: list[RobotRecord]) -> list[int]:
+    """The same, but of a link it counts only which it is and how many channels it has: what it brings is new all day."""
+    return [
         -1 - (record.session_number << 20) - len(record.channels) if record.online else record.revision
         for record in records
     ]
-    return marks, list(map(desired, ids)), list(map(lease, ids))
 
 
 class RobotPages:
@@ -47,12 +51,13 @@ class RobotPages:
         self._pages: dict[Asked, Page] = {}
         self._size_bytes = 0
 
-    def find(self, asked: Asked, records: list[RobotRecord], state: PageState, now_s: float) -> Page | None:
-        """The page, if it would be the same now."""
+    def find(self, asked: Asked, records: list[RobotRecord], given: object, now_s: float) -> Page | None:
+        """The page, if it would be the same now. This is what a large fleet's pages are."""
         page = self._pages.get(asked)
-        if page is None or now_s >= page.until_s or page.records != records or page.state != state:
+        if page is None or now_s >= page.until_s or page.records != records or page.given != given:
             return None
-        return page
+        shown = records[: asked[2]]
+        return page if page.revisions == revisions_of(shown) or page.marks == marks_of(shown) else None
 
     def keep(self, asked: Asked, page: Page) -> None:
         """Another one, in the place of what it was before; a quarter of the room is the most for one."""

@@ -18,7 +18,7 @@ import orjson
 from starlette.requests import HTTPConnection
 
 from gateway.api.listing import Fields
-from gateway.api.robot_pages import Page, RobotPages, state_of
+from gateway.api.robot_pages import Page, RobotPages, marks_of, revisions_of
 from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.api.services import Services
 from gateway.domain.fleet.lease import Lease
@@ -65,13 +65,18 @@ class RobotRows:
         desired: Callable[[str], object],
         lease: Callable[[str], Lease | None],
         *,
+        given: Callable[[], object],
         clock: Clock,
     ) -> None:
-        """`describe` is a robot's whole document, `desired` an object that is another one when its labels change."""
+        """`describe` is a robot's whole document, `desired` an object that is another one when its labels change.
+
+        `given` is equal to what it was before for as long as no robot has other labels or somebody else driving it.
+        """
         self._search = search
         self._describe = describe
         self._desired = desired
         self._lease = lease
+        self._given = given
         self._clock = clock
         self._selections: dict[str, _Selection] = {}
         self._size_bytes = 0
@@ -80,17 +85,26 @@ class RobotRows:
     async def page(self, query: RobotQuery, *, after: str, limit: int, fields: Fields, text: str) -> tuple[bytes, str]:
         """The page behind a robot's id, as JSON, and its ETag; `text` is how `fields` were asked for."""
         records = await self._search.behind(query, after, limit + 1)
-        asked, shown = (query, after, limit, text), records[:limit]
-        state, now_s = state_of(shown, self._desired, self._lease), self._clock.monotonic_s()
-        if (page := self._pages.find(asked, records, state, now_s)) is not None:
+        asked, given, now_s = (query, after, limit, text), self._given(), self._clock.monotonic_s()
+        if (page := self._pages.find(asked, records, given, now_s)) is not None:
             return page.body, page.tag
+        shown = records[:limit]
+        revisions, marks = revisions_of(shown), marks_of(shown)  # of before it is made
         following = orjson.dumps(shown[-1].robot.id if len(records) > limit else None)
         rows = await self._rows(shown, fields, text)
         tag = blake2b(b"".join([row.digest for row in rows]), digest_size=12)
         tag.update(following)
         body = b'{"robots":[%b],"next":%b}' % (b",".join([row.text for row in rows]), following)
         until_s = min((row.made_s + ROW_S for row in rows if row.session[0]), default=math.inf)
-        page = Page(body, f'"{tag.hexdigest()}"', records, state, until_s)
+        page = Page(
+            body=body,
+            tag=f'"{tag.hexdigest()}"',
+            records=records,
+            revisions=revisions,
+            marks=marks,
+            given=given,
+            until_s=until_s,
+        )
         self._pages.keep(asked, page)
         return page.body, page.tag
 
@@ -178,7 +192,15 @@ def make_robot_rows(services: Services) -> RobotRows:
     """The rows of a gateway's robots."""
     twins, clock = services.twins, services.clock
     search = RobotSearch(services.registry, twins.labels_of, lambda: twins.cache.revision)
-    return RobotRows(search, services.describe, twins.cache.desired.get, services.leases.find, clock=clock)
+    leases = services.leases
+    return RobotRows(
+        search,
+        services.describe,
+        twins.cache.desired.get,
+        leases.find,
+        given=lambda: (twins.cache.revision, leases.revision),
+        clock=clock,
+    )
 
 
 def robot_rows_of(connection: HTTPConnection) -> RobotRows:

@@ -63,6 +63,7 @@ class LeaseTable:
         self._leases: dict[str, Lease] = {}
         self._learned: dict[str, Lease] = {}  # of robots whose link is at another gateway
         self._listener = listener
+        self.revision = 0  # grows whenever somebody else drives a robot, or nobody any more
         self.changed: Callable[[], None] = lambda: None  # somebody drives a robot that is linked here, or does no more
 
     def find(self, robot: str) -> Lease | None:
@@ -75,10 +76,11 @@ class LeaseTable:
 
     def learn(self, robot: str, lease: Lease | None) -> None:
         """What the gateway that has the robot's link says of its lease."""
-        if lease is None:
-            self._learned.pop(robot, None)
-        else:
+        before = self._learned.pop(robot, None)
+        if lease is not None:
             self._learned[robot] = lease
+        if before is None or lease is None or before.lease_id != lease.lease_id:
+            self.revision += 1
 
     def take(self, robot: str, holder: str, *, lease_id: str, now_s: float) -> Lease:
         """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
@@ -127,6 +129,7 @@ class LeaseTable:
             return None
         if held is None and (held := self._learned.get(robot)) is not None and held.expires_s <= now_s:
             del self._learned[robot]
+            self.revision += 1
             return None
         return held
 
@@ -136,6 +139,7 @@ class LeaseTable:
             self.holder_of(robot, now_s=now_s)
 
     def _report(self, lease: Lease, taken: bool) -> None:
+        self.revision += 1
         if self._listener is not None:
             self._listener(lease.robot, lease.holder, taken)
         self.changed()

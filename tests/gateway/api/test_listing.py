@@ -215,9 +215,14 @@ class Rows:
         self.desired: dict[str, object] = {}
         self.leases: dict[str, Lease] = {}
         search = RobotSearch(self.registry, lambda _robot: {}, lambda: 0)
-        self.rows = RobotRows(search, self._describe, self.desired.get, self.leases.get, clock=self.clock)
+        self.rows = RobotRows(
+            search, self._describe, self.desired.get, self.leases.get, given=self._given, clock=self.clock
+        )
         if not pages:
             self.rows._pages = RobotPages(0)
+
+    def _given(self) -> object:
+        return dict(self.desired), {robot: lease.lease_id for robot, lease in self.leases.items()}
 
     def _describe(self, robot: str) -> dict[str, Any]:
         self.rendered += 1
@@ -304,13 +309,15 @@ def test_pages_are_bounded_in_bytes() -> None:
     def asked(number: int) -> tuple[RobotQuery, str, int, str]:
         return RobotQuery(), str(number), 1, ""
 
-    state: tuple[list[int], list[object], list[Lease | None]] = ([], [], [])
+    def page(size: int, until_s: float = math.inf) -> Page:
+        return Page(body=bytes(size), tag="", records=[], revisions=[], marks=[], given=None, until_s=until_s)
+
     for number, size in enumerate((25, 25, 25, 26, 25, 25)):
-        pages.keep(asked(number), Page(bytes(size), "", [], state, math.inf))
-    assert [pages.find(asked(number), [], state, 0.0) is not None for number in range(6)] == [0, 1, 1, 0, 1, 1]
-    pages.keep(asked(1), Page(bytes(20), "", [], state, 5.0))
-    assert pages.find(asked(1), [], state, 4.9) is not None
-    assert pages.find(asked(1), [], state, 5.0) is None
+        pages.keep(asked(number), page(size))
+    assert [pages.find(asked(number), [], None, 0.0) is not None for number in range(6)] == [0, 1, 1, 0, 1, 1]
+    pages.keep(asked(1), page(20, 5.0))
+    assert pages.find(asked(1), [], None, 4.9) is not None
+    assert pages.find(asked(1), [], None, 5.0) is None
 
 
 async def test_a_selection_that_is_forgotten_while_it_is_rendered_is_not_counted(
