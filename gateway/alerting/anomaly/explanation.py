@@ -27,10 +27,11 @@ class Judged(NamedTuple):
 
     value: float
     score: float
-    novelty: int  # which was strongest, in the order of NOVELTIES
+    novelty: int  # the value, where that is new; else which was strongest, in the order of NOVELTIES
     x: float  # what that novelty looked at
     nearest: float  # to x, of what it had seen
     reach: float  # how far x could be without an alert
+    usual: float  # the value at this hour of the day; NaN where that is new
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,11 +39,11 @@ class Explanation:
     """A sample's score, and what was expected instead, in the series' own unit.
 
     `low` and `high` are the band of values around the nearest one seen in which nothing would have been new; for the
-    "minimum" they hold for the lowest value of the last samples.
+    "range" and the "minimum" they hold for those of the last samples.
     """
 
     score: float
-    novelty: str  # "value", "profile", "minimum"; empty where the sample was seen before, or while learning
+    novelty: str  # one of NOVELTIES; empty where the sample was seen before, or while learning
     value: float
     nearest: float
     low: float
@@ -77,11 +78,11 @@ def band(kept: Sequence[float], nearest: float, reach: float) -> tuple[float, fl
 
 def explain(config: BankConfig, judged: Judged, kept: Sequence[float], progress: Learned) -> Explanation:
     """The last sample's explanation, from what is kept of the novelty that was strongest."""
-    value, score, number, x, nearest, reach = judged
+    value, score, number, x, nearest, reach, usual = judged
     if not kept:
         return Explanation(score=0.0, novelty="", value=0.0, nearest=0.0, low=0.0, high=0.0, reason="no sample yet")
     nearest = nearest if math.isfinite(nearest) else x  # a series' first sample has nothing before it
-    offset = value - x if NOVELTIES[number] == "profile" else 0.0
+    offset = usual if NOVELTIES[number] == "profile" else 0.0
     if abs(x - nearest) > reach:  # what was out of the band is kept by now, and is none of it
         kept = [one for one in kept if (one <= nearest if x > nearest else one >= nearest)] or [nearest]
     low, high = (end + offset for end in band(kept, nearest, reach))
@@ -94,16 +95,19 @@ def explain(config: BankConfig, judged: Judged, kept: Sequence[float], progress:
 
 
 def _words(config: BankConfig, made: Explanation, judged: Judged) -> str:
-    value, score, number, x, nearest, reach = judged
+    value, score, number, x, nearest, reach, usual = judged
     times = abs(x - nearest) / reach
     new = "is new" if times >= 1.0 else "is nearly new"
-    after = "" if times < 1.0 or score >= THRESHOLD else ", just after an alert"
+    after = "" if times < 1.0 or score >= THRESHOLD else ", soon after an alert"
     far = f"{times:.1f} times as far as it may be"
     ends = f"expected {made.low:.6g} to {made.high:.6g}{after}"
     if NOVELTIES[number] == "profile":
-        usual = f"{abs(x):.6g} {'over' if x > 0.0 else 'under'} what is usual at this hour, {value - x:.6g}"
-        return f"{value:.6g} {new}: {usual}; {far} from any difference seen; {ends}"
-    if NOVELTIES[number] == "minimum":
-        what = f"the lowest value of the last {config.blocks * config.block_samples} samples, {x:.6g}, {new}"
-        return f"{what}: {far} from the nearest such seen, {nearest:.6g}; {ends}"
-    return f"{value:.6g} {new}: {far} from the nearest value seen, {nearest:.6g}; {ends}"
+        what = f"{abs(x):.6g} {'over' if x > 0.0 else 'under'} what is usual at this hour, {usual:.6g}"
+        return f"the last {config.window_samples} samples, in the mean {what}, {new}: {far} from such seen; {ends}"
+    if NOVELTIES[number] == "value":
+        return f"{value:.6g} {new}: {far} from the nearest value seen, {nearest:.6g}; {ends}"
+    if NOVELTIES[number] == "range":
+        what = f"the range of the last {config.window_samples} samples"
+    else:
+        what = f"the lowest value of the last {config.blocks * config.window_samples} samples"
+    return f"{what}, {x:.6g}, {new}: {far} from the nearest such seen, {nearest:.6g}; {ends}"

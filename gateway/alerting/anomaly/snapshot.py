@@ -14,7 +14,7 @@ from gateway.errors import DamagedError
 
 __all__ = ["LARGEST_SERIES", "SnapshotError", "pack", "unpack"]
 
-VERSION = 1
+VERSION = 2  # 1 had three novelties
 LARGEST_SERIES = 16_384  # in one snapshot
 _HEAD = struct.Struct("<4sHQII")  # magic, version, parameters, series, bytes of one
 _MAGIC = b"MRAB"

@@ -1,10 +1,11 @@
 """A bank of streaming detectors: many series, one fixed parameter set, bounded memory, causal.
 
-Each sample is judged by three novelties before it is learned: the value itself, the value less what is usual at this
-hour of the day, and the lowest value of the last samples. A novelty's strength is the distance to the nearest value it
-has kept, in running standard deviations of its series; a series' score is its strongest novelty by its limit, on a
-scale where 0.5 is the limit. What was reported is kept too: the same odd value is no news twice. `stream.py` is the
-same for one series in plain Python, and the easier one to read.
+Each sample is judged by four novelties before it is learned: the value itself, the mean of the last values less what is
+usual at this hour of the day, their range, and the lowest value of a longer while. A novelty's strength is the distance
+to the nearest value it has kept, in running standard deviations of its series; a series' score is its strongest novelty
+by the one limit, on a scale where 0.5 is the limit. What was reported is kept too: the same odd value is no news twice.
+An alert raises the limit for a while, so that series of any kind alert about as often. `stream.py` is the same for one
+series in plain Python, and the easier one to read.
 """
 
 from __future__ import annotations

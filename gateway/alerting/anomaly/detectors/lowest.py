@@ -25,7 +25,7 @@ def lowest(state: State, config: BankConfig, rows: Rows, values: Floats) -> Floa
     now = np.minimum(state["block_now"][rows], values)
     count = state["block_count"][rows] + 1
     found: Floats = np.minimum(state["block_lowest"][rows].min(axis=1), now)
-    full = np.flatnonzero(count == config.block_samples)
+    full = np.flatnonzero(count == config.window_samples)
     if full.size:
         done = rows[full]
         following = state["block_next"][done]

@@ -44,13 +44,14 @@ def _place(state: State, config: BankConfig, lists: Rows, values: Floats) -> Row
 def least_spread(state: State, config: BankConfig, rows: Rows) -> Floats:
     """What a series' differences are measured by at least: a part of the size or of the spread of its values.
 
-    Else the rounding errors of a residual that was always zero would be something new.
+    Else the rounding errors of a residual that was always zero would be something new, and whatever moves the range of
+    a series that repeats itself.
     """
     first = rows * LISTS
     seen = np.maximum(state.flat["seen"][first], 1.0)
     spread = np.sqrt(state.flat["square"][first] / seen)
-    size = np.maximum(np.abs(state.flat["mean"][first]), spread)
-    least: Floats = np.maximum(size * config.spread_floor, SMALLEST_SPREAD)
+    size = np.abs(state.flat["mean"][first]) * config.spread_floor
+    least: Floats = np.maximum(np.maximum(size, spread * config.spread_share), SMALLEST_SPREAD)
     return least
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.alerting.anomaly.detectors import lowest, novelty, profile
+from gateway.alerting.anomaly.detectors import lowest, novelty, profile, window
 from gateway.alerting.anomaly.detectors.state import Field, Floats, Rows, State
 from gateway.alerting.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
-from gateway.alerting.anomaly.parameters import THRESHOLD, BankConfig
+from gateway.alerting.anomaly.parameters import NOVELTIES, THRESHOLD, BankConfig
 
 __all__ = ["LARGEST", "Page"]
 
@@ -20,6 +20,7 @@ _SERIES = (
     Field("times", "f8", 1.0),
     Field("quiet_count", "f8"),  # cool-down lasts until both are reached
     Field("quiet_s", "f8"),
+    Field("raised", "f8"),  # recent alerts, each counting less as samples come
     Field("last", "f8", 0.0, (len(Judged._fields),)),
 )
 
@@ -29,11 +30,13 @@ class Page:
 
     def __init__(self, config: BankConfig, rows: int) -> None:
         self.config = config
-        fields = (*_SERIES, *novelty.fields(config), *profile.fields(config), *lowest.fields(config))
+        fields = (*_SERIES, *novelty.fields(config), *profile.fields(config))
+        fields += (*window.fields(config), *lowest.fields(config))
         self.state = State(fields, rows)
-        limits = np.array(config.limits) * config.times
-        self._limits, self._lists = limits, np.arange(len(limits))
-        self._learn_s = np.array([config.learn_s, max(config.learn_s, config.profile_learn_s), config.learn_s])
+        self._limit, self._lists = config.limit * config.times, np.arange(len(NOVELTIES))
+        self._raised_keeps = config.raised_keeps
+        self._learn_s = np.full(len(NOVELTIES), config.learn_s)
+        self._learn_s[NOVELTIES.index("profile")] = max(config.learn_s, config.profile_learn_s)
 
     def reset(self, row: int, *, times: float) -> None:
         """A new series in this row."""
@@ -56,12 +59,14 @@ class Page:
         before_s = self.state["elapsed_s"][rows]
         count, elapsed_s = self._pass(rows, stamps_s)
         usual = profile.usual(self.state, self.config, rows, stamps_s, values)
+        mean, wide = window.of(self.state, self.config, rows, values, values - usual)
         low = lowest.lowest(self.state, self.config, rows, values)
-        x = np.stack((values, values - usual, low), axis=1)
+        x = np.stack((values, mean, wide, low), axis=1)
         strength, nearest, reach = self._evaluate(rows, x, before_s)
-        strongest = strength.argmax(axis=1)
+        told = np.where(strength[:, 0] >= 1.0, 0, strength.argmax(axis=1))  # a new value is told as such
         one = np.arange(len(rows))
-        ratio = strength[one, strongest]
+        raised = self.state["raised"][rows] * self._raised_keeps
+        ratio = strength.max(axis=1) / (1.0 + self.config.raised * raised)
         scores: Floats = ratio / (1.0 + ratio)
         quiet = (count <= self.state["quiet_count"][rows]) | (elapsed_s < self.state["quiet_s"][rows])
         scores = np.where(quiet, scores * 0.5, scores)
@@ -69,8 +74,10 @@ class Page:
         if alerts.size:
             self.state["quiet_count"][rows[alerts]] = count[alerts] + self.config.cooldown_samples
             self.state["quiet_s"][rows[alerts]] = elapsed_s[alerts] + self.config.cooldown_s
-        chosen = (x[one, strongest], nearest[one, strongest], reach[one, strongest])
-        self.state["last"][rows] = np.stack((values, scores, strongest, *chosen), axis=1)
+            raised[alerts] += 1.0
+        self.state["raised"][rows] = raised
+        chosen = (x[one, told], nearest[one, told], reach[one, told], usual)
+        self.state["last"][rows] = np.stack((values, scores, told, *chosen), axis=1)
         return scores
 
     def _pass(self, rows: Rows, stamps_s: Floats) -> tuple[Floats, Floats]:
@@ -92,7 +99,7 @@ class Page:
         least = novelty.least_spread(self.state, self.config, rows)
         least = least.repeat(len(self._lists))[known]
         at, nearest, distance, spread = novelty.evaluate(self.state, self.config, lists, looked, least)
-        allowed = (self.state["times"][rows][:, None] * self._limits).reshape(-1)[known]
+        allowed = (self.state["times"][rows] * self._limit).repeat(len(self._lists))[known]
         passed = (learned_s[:, None] >= self._learn_s).reshape(-1)[known]
         ready = passed & (self.state.flat["seen"][lists] >= self.config.learn_samples)
         found = np.zeros((3, known.size))
@@ -105,7 +112,8 @@ class Page:
     def accept(self, row: int, value: float, stamp_s: float | None) -> None:
         """The value counts as seen by every novelty."""
         usual = self._usual(row, float(self.state["stamp_s"][row]) if stamp_s is None else stamp_s)
-        for number, x in enumerate((value, value - usual, value)):
+        wide = window.range_with(self.state, row, value)
+        for number, x in enumerate((value, value - usual, wide, value)):
             lists, at_value = np.array([row * len(self._lists) + number]), np.array([x])
             if np.isfinite(x) and abs(x) <= LARGEST:
                 at, _, distance, _ = novelty.evaluate(self.state, self.config, lists, at_value, np.zeros(1))
@@ -140,5 +148,5 @@ class Page:
         lists, value = np.array([row * len(self._lists)]), self.state["last"][row, :1].copy()
         least = novelty.least_spread(self.state, self.config, np.array([row]))
         _, nearest, _, spread = novelty.evaluate(self.state, self.config, lists, value, least)
-        reach = float(spread[0] * self._limits[0] * self.state["times"][row])
+        reach = float(spread[0] * self._limit * self.state["times"][row])
         return band(self.kept(row, 0), float(nearest[0]), reach)

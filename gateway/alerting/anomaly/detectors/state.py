@@ -34,7 +34,7 @@ class State:
         self._arrays: dict[str, NDArray[Any]] = {
             field.name: np.zeros((rows, *field.shape), dtype=field.dtype) for field in fields
         }
-        # Where a row has three lists, list k of row r is r * 3 + k here.
+        # Where a row has four lists, list k of row r is r * 4 + k here.
         self.flat = {name: array.reshape(-1) for name, array in self._arrays.items()}
 
     def __getitem__(self, name: str) -> NDArray[Any]:

@@ -23,13 +23,13 @@ class Stream:
         self.ignored = 0
         self._times = times
         self._novelties = tuple(_Novelty(config) for _ in NOVELTIES)
-        self._allowed = tuple(times * (limit * config.times) for limit in config.limits)
+        self._allowed = times * (config.limit * config.times)
         profile_s = max(config.learn_s, config.profile_learn_s)
-        self._learn_s = (config.learn_s, profile_s, config.learn_s)
-        self._profile, self._lowest = _Profile(config), _Lowest(config)
-        self._stamp_s = math.nan
-        self._elapsed_s = self._count = self._quiet_count = self._quiet_s = 0.0
-        self._last = Judged(0.0, 0.0, 0, 0.0, 0.0, 0.0)
+        self._learn_s = (config.learn_s, profile_s, config.learn_s, config.learn_s)
+        self._profile, self._window, self._lowest = _Profile(config), _Window(config), _Lowest(config)
+        self._stamp_s, self._raised_keeps = math.nan, config.raised_keeps
+        self._elapsed_s = self._count = self._quiet_count = self._quiet_s = self._raised = 0.0
+        self._last = Judged(0.0, 0.0, 0, 0.0, 0.0, 0.0, math.nan)
 
     def update(self, stamp_s: float, value: float) -> float:
         """The score of a sample in [0, 1]; at least 0.5 is an alert. What is no number scores 0."""
@@ -39,18 +39,22 @@ class Stream:
         value = min(max(value, -LARGEST), LARGEST) + 0.0  # no -0.0
         learned_s = self._elapsed_s
         self._pass(stamp_s)
-        x = (value, value - self._profile.usual(stamp_s, value), self._lowest.of(value))
+        usual = self._profile.usual(stamp_s, value)
+        x = (value, *self._window.of(value, value - usual), self._lowest.of(value))
         least = self._novelties[0].least_spread()
-        best = (0.0, 0.0, 0.0)  # strength, nearest, reach
-        strongest = 0
+        told = (0.0, 0.0, 0.0)  # strength, nearest, reach
+        which, strongest = 0, 0.0
         for number, novelty in enumerate(self._novelties):
             if math.isfinite(x[number]):
                 enough = learned_s >= self._learn_s[number]
-                found = novelty.evaluate(x[number], self._allowed[number], least, enough)
-                if not number or found[0] > best[0]:
-                    best, strongest = found, number
-        score = self._calm(best[0] / (1.0 + best[0]))
-        self._last = Judged(value, score, strongest, x[strongest], best[1], best[2])
+                found = novelty.evaluate(x[number], self._allowed, least, enough)
+                strongest = max(strongest, found[0])
+                if not number or (found[0] > told[0] and (which or told[0] < 1.0)):  # a new value is told as such
+                    told, which = found, number
+        self._raised *= self._raised_keeps
+        ratio = strongest / (1.0 + self.config.raised * self._raised)
+        score = self._calm(ratio / (1.0 + ratio))
+        self._last = Judged(value, score, which, x[which], told[1], told[2], usual)
         return score
 
     def _pass(self, stamp_s: float) -> None:
@@ -61,18 +65,21 @@ class Stream:
         self._count += 1.0
 
     def _calm(self, score: float) -> float:
-        """Half the score while the series cools down; an alert starts that."""
+        """Half the score while the series cools down; an alert starts that, and raises the limit for longer."""
         if self._count <= self._quiet_count or self._elapsed_s < self._quiet_s:
             score *= 0.5
         if score >= THRESHOLD:
             self._quiet_count = self._count + self.config.cooldown_samples
             self._quiet_s = self._elapsed_s + self.config.cooldown_s
+            self._raised += 1.0
         return score
 
     def accept(self, value: float, stamp_s: float | None = None) -> None:
         """ "This is normal": the value counts as seen."""
         usual = self._profile.at(self._stamp_s if stamp_s is None else stamp_s)
-        for novelty, x in zip(self._novelties, (value, value - usual, value), strict=True):
+        for novelty, x in zip(
+            self._novelties, (value, value - usual, self._window.range_with(value), value), strict=True
+        ):
             if math.isfinite(x) and abs(x) <= LARGEST:
                 novelty.accept(x)
 
@@ -89,7 +96,7 @@ class Stream:
         """Low and high end of what is expected next, around the last value."""
         values = self._novelties[0]
         nearest, _, spread = values.look(self._last.value, values.least_spread())[1:]
-        return band(values.kept, nearest, spread * (self.config.limits[0] * self.config.times) * self._times)
+        return band(values.kept, nearest, spread * (self.config.limit * self.config.times) * self._times)
 
 
 class _Novelty:
@@ -102,8 +109,8 @@ class _Novelty:
 
     def least_spread(self) -> float:
         """What differences of a series whose values these are are measured by at least."""
-        size = max(abs(self._mean), math.sqrt(self._square / max(self._seen, 1.0)))
-        return max(size * self._config.spread_floor, SMALLEST_SPREAD)
+        spread = math.sqrt(self._square / max(self._seen, 1.0))
+        return max(abs(self._mean) * self._config.spread_floor, spread * self._config.spread_share, SMALLEST_SPREAD)
 
     def look(self, x: float, least: float) -> tuple[int, float, float, float]:
         """Place, nearest kept value, distance to it, spread."""
@@ -179,6 +186,30 @@ class _Profile:
         return min(int(stamp_s % day_s / self._config.bin_s), self._config.bins - 1)
 
 
+class _Window:
+    """The last values, and what they differed by from the profile."""
+
+    def __init__(self, config: BankConfig) -> None:
+        self._values = [math.nan] * config.window_samples
+        self._differences = [math.nan] * config.window_samples
+        self._next = 0
+
+    def of(self, value: float, difference: float) -> tuple[float, float]:
+        """Mean of the differences and range of the values, the new ones included; NaN until all are known."""
+        self._values[self._next], self._differences[self._next] = value, difference
+        self._next = (self._next + 1) % len(self._values)
+        total = 0.0
+        for one in self._differences:  # sum() rounds otherwise, from Python 3.12 on
+            total += one
+        wide = math.nan if math.isnan(self._values[self._next]) else max(self._values) - min(self._values)
+        return total / len(self._differences), wide
+
+    def range_with(self, value: float) -> float:
+        """Of the values as they are and one more; NaN until all are known."""
+        known = not math.isnan(self._values[self._next])
+        return max(*self._values, value) - min(*self._values, value) if known else math.nan
+
+
 class _Lowest:
     """The lowest value of the last blocks."""
 
@@ -192,7 +223,7 @@ class _Lowest:
         self._now = min(self._now, value)
         found = min(self._past, self._now)
         self._count += 1
-        if self._count == self._config.block_samples:
+        if self._count == self._config.window_samples:
             self._done.append(self._now)
             self._past, self._now, self._count = min(self._done), math.inf, 0
         return found

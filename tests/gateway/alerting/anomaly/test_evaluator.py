@@ -160,7 +160,7 @@ def test_junk_years_and_clocks_that_jump_are_no_storm(robots: Robots) -> None:
 
 
 SOON = EvaluatorConfig(
-    bank=BankConfig(learn_samples=3, learn_s=0.0, profile_learn_s=0.0, places=8, block_samples=2, blocks=2, bins=4),
+    bank=BankConfig(learn_samples=3, learn_s=0.0, profile_learn_s=0.0, places=8, window_samples=2, blocks=2, bins=4),
     lasting=LastingConfig(window=(1, 2, 3, 4), learn_s=8, epoch_s=8, adopt_s=20, memory_s=100),
     presence=PresenceConfig(learn_s=3.0, grace_s=2.0),
     rates=RateConfig(learn=3, memory=10),
