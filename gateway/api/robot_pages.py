@@ -36,7 +36,7 @@ def revisions_of(records: list[RobotRecord]) -> list[int]:
 
 
 def marks_of(records: list[RobotRecord]) -> list[int]:
-    """The same, but of a link it counts only which it is and how many channels it has: what it brings is new all day."""
+    """The same, but of a link it only counts which it is and how many channels it has: what it brings is always new."""
     return [
         -1 - (record.session_number << 20) - len(record.channels) if record.online else record.revision
         for record in records
