@@ -1,12 +1,17 @@
 """Shared memory: large payloads pass between the processes of a host without going through the network stack.
 
 Opt-in, by `Context(shared_memory="auto")` or `METAROS_SHARED_MEMORY=auto`, and on Linux only. A publisher writes a
-large payload into its session's pool and Zenoh sends a reference; peers on other hosts, and those without shared
-memory, get the bytes as ever. Where the pool has no room, or cannot be had, the payload takes the network: counted.
+large payload into its session's pool and Zenoh sends a reference; peers on other hosts, of other users, and those
+without shared memory, get the bytes as ever. Where the pool has no room, or cannot be had, the payload takes the
+network: counted.
+
+A receiver locks each publisher's pool in memory. One that may not lock any more would lose what comes through it, and
+Zenoh tells neither end; so a process whose locked memory has a limit does without shared memory.
 """
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import sys
 import threading
@@ -20,12 +25,14 @@ import zenoh.shm
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
-__all__ = ["SharedPool", "intact", "shared_pool"]
+__all__ = ["SharedPool", "intact", "locks_without_limit", "shared_pool"]
 
 _log = logging.getLogger("metaros.wire")
 _ENV: Final = "METAROS_SHARED_MEMORY"
 _MODES: Final = ("off", "auto")
 _FILES: Final = "/dev/shm"
+_MAP_NORESERVE: Final = 0x4000  # of Linux; Python's mmap has no name for it before 3.13
+_MLOCK_ONFAULT: Final = 1
 
 
 def shared_pool(mode: str | None, environ: Mapping[str, str]) -> SharedPool | None:
@@ -33,7 +40,37 @@ def shared_pool(mode: str | None, environ: Mapping[str, str]) -> SharedPool | No
     chosen, source = (environ.get(_ENV) or "off", _ENV) if mode is None else (mode, "shared_memory")
     if chosen not in _MODES:
         raise ConfigError(f"{source}: {chosen!r} is none of {', '.join(_MODES)}")
-    return SharedPool() if chosen == "auto" and sys.platform == "linux" else None
+    if chosen != "auto" or sys.platform != "linux":
+        return None
+    if not locks_without_limit():
+        _log.warning(
+            "no shared memory, large payloads take the network: this process may lock little memory: ulimit -l"
+        )
+        return None
+    return SharedPool()
+
+
+def locks_without_limit() -> bool:
+    """Whether the process may lock as much memory as it likes: `ulimit -l` says so, or it has CAP_IPC_LOCK. Linux.
+
+    The capability that counts is the host's, not that of a user namespace, so this tries: one page over the limit.
+    """
+    import mmap
+    import resource  # there is none on Windows
+
+    limit_bytes = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if limit_bytes == resource.RLIM_INFINITY:
+        return True
+    try:
+        size_bytes = limit_bytes + mmap.PAGESIZE
+        with mmap.mmap(-1, size_bytes, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_NORESERVE) as area:
+            view = ctypes.c_char.from_buffer(area)
+            address = ctypes.c_void_p(ctypes.addressof(view))
+            del view  # or the area could not be closed
+            # nothing is touched, so it costs no memory, however large the limit is
+            return bool(ctypes.CDLL(None).mlock2(address, ctypes.c_size_t(size_bytes), _MLOCK_ONFAULT) == 0)
+    except (OSError, ValueError, OverflowError, AttributeError):  # no such address space; a C library without mlock2
+        return False
 
 
 def intact(payload: zenoh.ZBytes) -> bool:

@@ -5,9 +5,9 @@
 Publisher, hub and reader are processes of their own on this host. The publisher says `/bench {"data": "…"}` as fast as
 it can; counted is what the reader gets. `proxy` and `hub` are ZeroMQ to ZeroMQ, through a plain `zmq.proxy` and through
 the broker, which meanwhile counts every message. `chain` is two plain proxies in a row, as the broker's hub has them to
-keep what the bridge says from coming back to it: what there is between `proxy` and the hub's best. `hub, heard` is the same while a node listens, so that the bridge
-converts as much as it can. `to ROS` and `to ZMQ` are the bridge: a ZeroMQ publisher and a node's subscription, a node's
-publisher and a ZeroMQ subscriber. Rounds are interleaved; the figures are medians over the rounds.
+keep what the bridge says from coming back to it: the hub's bound. `hub, heard` is the hub while a node listens, so that
+the bridge converts as much as it can. `to ROS` and `to ZMQ` are the bridge: a ZeroMQ publisher and a node's
+subscription, a node's publisher and a ZeroMQ subscriber. Rounds are interleaved; the figures are medians over them.
 """
 
 from __future__ import annotations

@@ -15,11 +15,14 @@ import pytest
 import metaros
 from metaros.interfaces.sensor_msgs.msg import Image
 from metaros.wire import Durability, QoSProfile
+from metaros.wire.shm import locks_without_limit
 from tests.support.nodes import shm_peer
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="shared memory is used on Linux only")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux" or not locks_without_limit(), reason="shared memory is used on Linux, by who may lock it"
+)
 _KILLS = 6
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
 import sys
 from collections import namedtuple
 
 import pytest
 
 from metaros.errors import ConfigError
+from metaros.wire import shm
 from metaros.wire.shm import SharedPool, shared_pool
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="shared memory is used on Linux only")
@@ -25,8 +28,29 @@ def test_it_is_off_unless_the_program_or_else_the_environment_asks():
 
 
 @linux
-def test_the_environment_turns_it_on():
+def test_the_environment_turns_it_on(monkeypatch):
+    monkeypatch.setattr(shm, "locks_without_limit", lambda: True)
     assert shared_pool(None, {"METAROS_SHARED_MEMORY": "auto"}) is not None
+
+
+@linux
+def test_who_may_lock_little_does_without_and_is_told(monkeypatch, caplog):
+    monkeypatch.setattr(shm, "locks_without_limit", lambda: False)
+    assert shared_pool("auto", {}) is None
+    assert "may lock little memory: ulimit -l" in caplog.text
+
+
+@linux
+def test_a_limit_counts_for_who_has_no_capability():
+    """As an ordinary user: this one, or nobody where the tests run as root."""
+    lines = (
+        "import os, resource, sys",
+        "from metaros.wire.shm import locks_without_limit",
+        "if os.geteuid() == 0: os.setgroups([]); os.setgid(65534); os.setuid(65534)",
+        "resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]))",
+        "sys.exit(locks_without_limit())",
+    )
+    assert subprocess.run([sys.executable, "-c", "\n".join(lines)], env=dict(os.environ)).returncode == 0
 
 
 @linux
