@@ -20,6 +20,7 @@ from websockets.protocol import State
 from gateway.api.middleware.guard import AGENTS_ONLY, PROTOCOL_KEY
 from gateway.domain.buckets import TokenBuckets
 from gateway.server.connections import Connection, ConnectionLimits
+from gateway.server.one_write import OneWrite
 from metaros.clock import Clock
 
 __all__ = ["protocols"]
@@ -125,7 +126,10 @@ class HttpProtocol(CountedProtocol, HttpToolsProtocol):
         self._head_bytes = self._surplus = 0
         if self._connection is not None:
             self.connection_limits.mark_busy(self._connection)
+        before = self.cycle
         super().on_headers_complete()
+        if self.cycle is not before:
+            self.cycle.transport = OneWrite(self.transport, self.loop)  # type: ignore[assignment]
 
     def on_body(self, body: bytes) -> None:
         """A piece of its body."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["SignalPipe", "run_entry", "run_init", "set_surroundings", "tell"]
 
 PATH = "/usr/local/bin:/usr/bin:/bin"
+LOG_SETTINGS = ("AWS_LAMBDA_LOG_FORMAT", "AWS_LAMBDA_LOG_LEVEL")
 PROXIES = ("HTTPS_PROXY", "HTTP_PROXY", "https_proxy", "http_proxy")
 
 
@@ -226,11 +227,18 @@ def set_surroundings(
     sys.argv = ["function", request["handler"]]
 
 
+def _mind_log_settings() -> None:
+    """AWS's client looks at them as it is imported, which it may have been before they were there."""
+    if "awslambdaric.bootstrap" in sys.modules and any(name in os.environ for name in LOG_SETTINGS):
+        del sys.modules["awslambdaric.bootstrap"], sys.modules["awslambdaric"].bootstrap
+
+
 def run_entry(entry: str, handler: str) -> NoReturn:
     """The runtime's client, which imports the handler; as a program would end, so does the worker."""
     status = 1
     try:
         if entry == "awslambdaric":
+            _mind_log_settings()
             from awslambdaric.__main__ import main as aws_main  # type: ignore[import-untyped]
 
             gc.enable()

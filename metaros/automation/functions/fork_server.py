@@ -37,6 +37,7 @@ AWS_CLIENT = tuple(
     f"awslambdaric.{name}" for name in ("__main__", "lambda_config", "lambda_runtime_client", "bootstrap")
 )
 AWS_CLIENT_NEEDS = "libstdc++.so.6"
+AWS_CLIENT_CORE = ("awslambdaric.lambda_runtime_client", "awslambdaric.bootstrap")
 FILES = 3  # that come with it: control, output, logs
 
 
@@ -79,7 +80,7 @@ def main(arguments: dict[str, Any]) -> None:
         except ImportError:
             continue
     if not arguments["once"]:
-        _prepare()
+        _prepare(arguments["api"])
     # What is here now is never collected: the workers' collectors leave the pages shared.
     gc.freeze()
     signal.signal(
@@ -100,11 +101,16 @@ def main(arguments: dict[str, Any]) -> None:
         _wait_for_children()
 
 
-def _prepare() -> None:
+def _prepare(api: str) -> None:
     """What every worker would do itself, and none of which depends on the worker."""
     sys.meta_path.insert(0, CompiledAhead(AWS_CLIENT))
-    with contextlib.suppress(OSError):  # of AWS's client, which itself is loaded by the worker: a link of ms
+    with contextlib.suppress(OSError):  # it takes the linker a while
         ctypes.CDLL(AWS_CLIENT_NEEDS)
+    if api:  # which AWS's client reads as it is imported, and never again
+        os.environ["AWS_LAMBDA_RUNTIME_API"] = api
+        for name in AWS_CLIENT_CORE:  # `child` has the second one imported anew where that makes a difference
+            with contextlib.suppress(ImportError):
+                importlib.import_module(name)
     for own_network in (True, False):
         seccomp.build(own_network=own_network)
     gc.collect()

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 
 from metaros.automation.functions.launch import Confinement, Program, WorkerProcess, launch
 from metaros.automation.functions.sandbox.level import Level
+from metaros.automation.functions.sandbox.namespaces import API_PORT
 from metaros.automation.functions.zygote import Zygote, zygote_works
 from metaros.errors import LaunchError
 
@@ -20,6 +21,7 @@ class WorkerLauncher:
 
     def __init__(self, level: Level, *, warm: bool = True) -> None:
         self._warm = warm and zygote_works() and level > Level.L0
+        self._api = f"127.0.0.1:{API_PORT}" if level >= Level.L3 else ""  # elsewhere each worker's own port
         self._zygote: Zygote | None = None
         self._lock = asyncio.Lock()
 
@@ -54,6 +56,6 @@ class WorkerLauncher:
             if self._zygote is None or not self._zygote.alive:
                 if self._zygote is not None:
                     await self._zygote.close()
-                self._zygote = Zygote()
+                self._zygote = Zygote(api=self._api)
                 await self._zygote.start()
             return self._zygote

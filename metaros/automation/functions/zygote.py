@@ -81,11 +81,14 @@ class Zygote:
     """One fork server; it dies with this process, and its workers with it. A dead one is not revived: make another.
     Started by a thread it ends with that thread: that is for the one of the event loop to do.
 
-    `once`: it ends with its first worker, whose start is then that of a new interpreter.
+    `once`: it ends with its first worker, whose start is then that of a new interpreter. `api`: where all its workers
+    find their Runtime API, if that is one place for all; then AWS's client is imported ahead as a whole.
     """
 
-    def __init__(self, *, preload: Sequence[str] = PRELOAD, once: bool = False, limits: Limits = LIMITS) -> None:
-        self._preload, self._once, self._limits = tuple(preload), once, limits
+    def __init__(
+        self, *, preload: Sequence[str] = PRELOAD, once: bool = False, api: str = "", limits: Limits = LIMITS
+    ) -> None:
+        self._preload, self._once, self._api, self._limits = tuple(preload), once, api, limits
         self._channel: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -124,6 +127,7 @@ class Zygote:
             "parent": os.getpid(),
             "preload": self._preload,
             "once": self._once,
+            "api": self._api,
         }
         with theirs:
             self._process = subprocess.Popen(

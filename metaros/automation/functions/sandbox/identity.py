@@ -25,7 +25,7 @@ def choose(uid: int | None, gid: int | None, own_pid: int) -> tuple[int, int]:
 
 
 def _has_user(uid: int) -> bool:
-    with open("/proc/self/uid_map", encoding="ascii") as lines:
+    with open("/proc/self/uid_map", encoding="utf-8") as lines:
         rows = [[int(word) for word in row.split()] for row in lines]
     return any(first <= uid < first + count for first, _, count in rows)
 

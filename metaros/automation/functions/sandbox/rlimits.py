@@ -17,7 +17,7 @@ UNKNOWN_DATA, UNKNOWN_SPACE = 64 * MIB, 512 * MIB
 def private_bytes() -> tuple[int, int]:
     """What this process has of private memory and of address space; a guess where there is no /proc."""
     try:
-        with open("/proc/self/statm", encoding="ascii") as line:
+        with open("/proc/self/statm", encoding="utf-8") as line:
             pages = [int(word) for word in line.read().split()]
     except OSError:
         return UNKNOWN_DATA, UNKNOWN_SPACE
