@@ -135,6 +135,23 @@ def test_a_series_is_quiet_after_an_alert_for_samples_and_for_time() -> None:
         assert min(np.diff(alerts)) == (5 if stream is by_samples else 30)
 
 
+def test_an_alert_raises_the_limit_for_a_while() -> None:
+    def scores_of(wait: int) -> tuple[float, float]:
+        stream = Stream(QUICK)
+        stamps = iter(np.arange(5000) + START_S)
+        for number in range(1000):
+            stream.update(next(stamps), float(number % 10))
+        first = stream.update(next(stamps), 15.0)
+        for number in range(wait):
+            stream.update(next(stamps), float(number % 10))
+        return first, stream.update(next(stamps), 21.0)  # as far from 15 as 15 was from 9
+
+    (first, soon), (same, late) = scores_of(30), scores_of(2000)
+    assert first == same >= THRESHOLD
+    assert late / (1.0 - late) > 2.5 * soon / (1.0 - soon)  # three times at once, fading by 200 samples
+    assert late == pytest.approx(first, abs=0.02)
+
+
 def test_a_lasting_rise_inside_the_range_is_the_minimums() -> None:
     rng = np.random.default_rng(1)
     stream = Stream(dataclasses.replace(QUICK, learn_samples=150, raised=0.0))
