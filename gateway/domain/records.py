@@ -6,14 +6,14 @@ A record is a 40-byte header, then a sample's bytes, padded to a multiple of 8.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.domain.channel import Channel
 from metaros.errors import FrameError
 
-__all__ = ["HEADER", "Record", "introduction", "record_bytes", "record_parts", "split_records"]
+__all__ = ["HEADER", "Record", "introduction", "record_bytes", "record_parts", "records_bytes", "split_records"]
 
 # record_bytes, subscription, channel, payload_bytes, seq, stamp_ns, gateway_receive_ns
 HEADER = struct.Struct("<IIIIQqq")
@@ -21,9 +21,13 @@ HEADER_BYTES = HEADER.size
 _PADDING = tuple(bytes(count) for count in range(8))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Record:
-    """One sample on its way to viewers; `payload` is shared by all of them, and so is what was decoded of it."""
+    """One sample on its way to viewers; `payload` is shared by all of them, and so is what was decoded of it.
+
+    Nothing of one is changed but its views. It is not frozen, since one is made for every sample, and a frozen one
+    takes three times as long to make.
+    """
 
     seq: int
     stamp_ns: int
@@ -57,13 +61,24 @@ def record_bytes(payload_bytes: int) -> int:
     return HEADER_BYTES + (payload_bytes + 7 & ~7)
 
 
-def record_parts(record: Record, *, subscription: int, channel: int) -> tuple[bytes, bytes, bytes]:
-    """Header, payload and padding; the caller joins many records into one frame."""
-    size = len(record.payload)
-    header = HEADER.pack(
-        record_bytes(size), subscription, channel, size, record.seq, record.stamp_ns, record.receive_ns
-    )
-    return header, record.payload, _PADDING[-size & 7]
+def records_bytes(records: Iterable[Record]) -> int:
+    """Their size together."""
+    return sum([HEADER_BYTES + (len(record.payload) + 7 & ~7) for record in records])
+
+
+def record_parts(records: Iterable[Record], *, subscription: int, channel: int) -> list[bytes]:
+    """Headers, payloads and padding, for the caller to join."""
+    parts: list[bytes] = []
+    add, pack = parts.append, HEADER.pack
+    for record in records:
+        size = len(record.payload)
+        padding = -size & 7
+        whole = HEADER_BYTES + size + padding
+        add(pack(whole, subscription, channel, size, record.seq, record.stamp_ns, record.receive_ns))
+        add(record.payload)
+        if padding:
+            add(_PADDING[padding])
+    return parts
 
 
 def split_records(frame: bytes) -> Iterator[tuple[int, int, Record]]:

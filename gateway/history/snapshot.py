@@ -70,7 +70,7 @@ def pack_snapshot(snapshot: Snapshot) -> bytes:
     parts: list[bytes] = []
     for number, message in enumerate(snapshot.messages, 1):
         record = Record(message.seq, message.stamp_ns, message.receive_ns, message.payload)
-        parts += record_parts(record, subscription=0, channel=number)
+        parts += record_parts([record], subscription=0, channel=number)
     channels = [introduction(message.channel, number) for number, message in enumerate(snapshot.messages, 1)]
     text = orjson.dumps({**snapshot_facts(snapshot), "channels": channels})
     return b"".join((_LENGTH.pack(len(text)), text, *parts))

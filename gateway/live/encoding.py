@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any, ClassVar, Protocol, TypeVar
 
 from gateway.domain.channel import Channel
-from gateway.domain.records import Record
+from gateway.domain.records import Record, records_bytes
 
 __all__ = ["Block", "Encoding", "View", "view_of"]
 
@@ -46,7 +46,7 @@ class Block:
     def __init__(self, channel: Channel, records: Sequence[Record]) -> None:
         self.channel = channel
         self.records = records
-        self.size_bytes = sum([record.size_bytes for record in records])
+        self.size_bytes = records_bytes(records)
         self._encoded: dict[Hashable, bytes] = {}
 
     def encoded(self, encoding: Encoding) -> bytes:
@@ -62,7 +62,10 @@ class Block:
 
     def views(self, view: View[T]) -> list[T | None]:
         """That view of each sample; None for a sample of which it cannot be made. Made once, for all blocks."""
-        return [_viewed(view, self.channel, record) for record in self.records]
+        channel = self.channel
+        return [
+            record.views[view] if view in record.views else _viewed(view, channel, record) for record in self.records
+        ]
 
     def rest(self, start: int) -> Block:
         """The block without its first `start` samples."""
@@ -74,10 +77,10 @@ class Block:
 
 
 def _viewed(view: View[T], channel: Channel, record: Record) -> T | None:
-    if view not in record.views:
-        try:
-            record.views[view] = view(channel, record)
-        except Exception:  # a robot may send what it likes: one bad sample is left out and ends nothing
-            record.views[view] = None
-    made: T | None = record.views[view]
+    made: T | None
+    try:
+        made = view(channel, record)
+    except Exception:  # a robot may send what it likes: one bad sample is left out and ends nothing
+        made = None
+    record.views[view] = made
     return made

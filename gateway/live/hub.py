@@ -124,7 +124,7 @@ class Hub:
         if run.trace is not None:
             self._followed = [*self._followed, run][-FOLLOWED:]
             self._followed_s = self._clock.monotonic_s()
-        only_newest = all(latest for latest, _ in selections) and not is_video(run.channel)
+        only_newest = run.count > 1 and not is_video(run.channel) and all(latest for latest, _ in selections)
         records = _records(run, only_newest=only_newest)
         for selection in selections.values():
             if selection.offer(records):
@@ -349,7 +349,14 @@ def _holds(block: Block, run: Run) -> bool:
 
 
 def _records(run: Run, *, only_newest: bool) -> list[Record]:
-    columns = run.columns
-    if only_newest and columns.count > 1:
+    columns, receive_ns = run.columns, run.receive_ns
+    if only_newest:
         columns = columns.after(columns.count - 1)
-    return [Record(seq, stamp_ns, run.receive_ns, bytes(payload)) for seq, stamp_ns, payload in columns.samples()]
+    payload = bytes(columns.payload)  # the same object where it is that already, as is the whole of it below
+    bounds = columns.offsets.tolist()
+    return [
+        Record(seq, stamp_ns, receive_ns, payload[start:end])
+        for seq, (stamp_ns, start, end) in enumerate(
+            zip(columns.stamps_ns.tolist(), bounds, bounds[1:], strict=False), columns.first_seq
+        )
+    ]

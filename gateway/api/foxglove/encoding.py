@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from gateway.api.foxglove.binary import message_head
-from gateway.api.ws.send_queue import BINARY, frame
+from gateway.api.ws.writer import BINARY, frame_header
 from gateway.live.encoding import Block, View
 
 __all__ = ["MessageData"]
@@ -22,7 +22,9 @@ class MessageData:
 
     def encode(self, block: Block) -> bytes:
         """One binary message a sample."""
+        parts: list[bytes] = []
         number = self.subscription_id
-        return b"".join(
-            [frame(BINARY, message_head(number, record.stamp_ns) + record.payload) for record in block.records]
-        )
+        for record in block.records:
+            head = message_head(number, record.stamp_ns)
+            parts += (frame_header(BINARY, len(head) + len(record.payload)), head, record.payload)
+        return b"".join(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gateway.api.ws.send_queue import BINARY, TEXT, frame
+from gateway.api.ws.writer import BINARY, TEXT, frame, frame_header
 from gateway.domain.records import record_parts
 from gateway.live.encoding import Block, View
 from gateway.live.json_view import json_view
@@ -23,10 +23,8 @@ class BinaryRecords:
 
     def encode(self, block: Block) -> bytes:
         """A block as one frame."""
-        parts: list[bytes] = []
-        for record in block.records:
-            parts += record_parts(record, subscription=self.subscription, channel=self.channel)
-        return frame(BINARY, b"".join(parts))
+        parts = record_parts(block.records, subscription=self.subscription, channel=self.channel)
+        return b"".join((frame_header(BINARY, block.size_bytes), *parts))
 
 
 @dataclass(frozen=True, slots=True)

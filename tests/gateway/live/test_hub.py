@@ -245,7 +245,7 @@ def test_fleet_subscription_tells_all_then_changes() -> None:
 @given(st.lists(st.tuples(st.integers(0, 2**32 - 1), st.binary(max_size=50)), max_size=10))
 def test_records_survive_the_frame(items: list[tuple[int, bytes]]) -> None:
     frame = b"".join(
-        b"".join(record_parts(Record(n, -n, n, payload), subscription=n, channel=7)) for n, payload in items
+        b"".join(record_parts([Record(n, -n, n, payload)], subscription=n, channel=7)) for n, payload in items
     )
     assert len(frame) % 8 == 0
     assert [(n, r.seq, r.stamp_ns, r.payload) for n, _, r in split_records(frame)] == [(n, n, -n, p) for n, p in items]
