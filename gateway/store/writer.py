@@ -21,7 +21,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.purge import Purge
 from gateway.store.retention import Retention
 from gateway.store.telemetry.levels import LevelBuilder
-from gateway.store.telemetry.merge import merge_step, waiting_batches
+from gateway.store.telemetry.merge import Merge, do_merge, merge_step, plan_merge, waiting_batches
 from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
 from metaros.concurrency.waiting import WaitQueue
@@ -45,6 +45,7 @@ class Pace:
     merge_after_s: float = 30.0  # or when one has waited so long
     merge_look_every_s: float = 0.05
     merge_step_batches: int = 256
+    merge_behind_batches: int = 4096  # nothing is committed before fewer wait
     levels_every_s: float = 60.0
     purge_every_s: float = 60.0
     rescue_every_s: float = 5.0  # the same while commits fail: the disk may be full
@@ -114,6 +115,7 @@ class Writer:
         self._error: str | None = None
         self._last_commit_s = -1e9
         self._last_look_s = -1e9
+        self._merging = False
         self._last_purge_s = self._last_levels_s = clock.monotonic_s()
         self._levels: LevelBuilder | None = None  # the round that is not over
         # A database that hangs must not keep the program from ending.
@@ -289,18 +291,57 @@ class Writer:
             self._purge()
 
     def _merge(self) -> None:
+        """Have a step of the merge planned beside the commits, or do it here where the backlog grows all the same.
+
+        In a shared store it is all done here: two gateways would plan the same.
+        """
         try:
             count, oldest_ns = waiting_batches(self._engine)
             age_s = (self._clock.wall_ns() - oldest_ns) / 1e9
             while count >= self._pace.merge_at_batches or (count and age_s >= self._pace.merge_after_s):
+                if not self._engine.shared and count < self._pace.merge_behind_batches:
+                    self._plan_merge()
+                    break
                 count -= merge_step(self._engine, max_batches=self._pace.merge_step_batches)
-                if self._stopped.is_set() or not self._queue.empty():
+                if self._stopped.is_set() or (not self._queue.empty() and count < self._pace.merge_behind_batches):
                     break
         except StoreError as error:
             log.warning("the merge did not run: %s", error)
         except Exception:
             log.exception("the merge failed in a way that nobody foresaw")
             self._last_look_s = self._clock.monotonic_s() + self._pace.merge_after_s
+
+    def _plan_merge(self) -> None:
+        if not self._merging:
+            self._merging = True
+            # A disk that hangs must not keep the program from ending.
+            threading.Thread(target=self._planned, name="gateway-merge", daemon=True).start()
+
+    def _planned(self) -> None:
+        """On a thread of its own: plan a step on a snapshot, and queue it."""
+        merge: Future[Merge] = Future()
+        try:
+            reader = self._engine.reader()
+            try:
+                with reader.transaction(write=False):
+                    merge.set_result(plan_merge(reader, max_batches=self._pace.merge_step_batches))
+            finally:
+                reader.close()
+        except Exception as error:
+            merge.set_exception(error)
+        self.run(lambda engine: do_merge(engine, merge.result())).add_done_callback(self._merged)
+
+    def _merged(self, done: Future[int]) -> None:
+        """A step is done, or not; the next one need not wait."""
+        self._merging = False
+        error = done.exception() if not done.cancelled() else None
+        if error is None:
+            self._last_look_s = -1e9
+        elif not isinstance(error, StoreError):
+            log.error("the merge failed in a way that nobody foresaw", exc_info=error)
+            self._last_look_s = self._clock.monotonic_s() + self._pace.merge_after_s
+        elif self._error is None and not self._stopped.is_set():
+            log.warning("the merge did not run: %s", error)
 
     def _make_levels(self, now_s: float) -> None:
         """Begin a round, or go on with it, for as long as nobody waits for a commit."""

@@ -1,7 +1,8 @@
 """The background merge: metric batches, as they came, become chunks of about 500 samples a series.
 
-One step is one transaction: the rows enter their chunks and the batches leave, or neither. A reader's snapshot
-therefore sees every row exactly once, before, during and after.
+A step is planned on any snapshot, which is most of the work, and done in one transaction, which finds what it was
+planned for as it was, or does nothing: the rows enter their chunks and the batches leave, or neither. A reader's
+snapshot therefore sees every row exactly once, before, during and after.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from gateway.store.schema import CHUNK_SAMPLES
 from gateway.store.telemetry.chunks import TOGETHER, EncodedChunk, Stamps, Values, decode
 from gateway.store.telemetry.encode import encode_many
 
-__all__ = ["merge_step", "waiting_batches"]
+__all__ = ["Merge", "do_merge", "merge_step", "plan_merge", "waiting_batches"]
 
 log = logging.getLogger(__name__)
 _Numbers = npt.NDArray[np.int64]
@@ -44,10 +45,38 @@ def waiting_batches(engine: StoreEngine) -> tuple[int, int]:
     return int(count), int(oldest[0][0]) if oldest else 0
 
 
+@dataclass(frozen=True, slots=True)
+class Merge:
+    """What a step is to do: which batches go, which open chunks (with so many rows) are filled, and the new rows."""
+
+    batches: Sequence[int]
+    filled: dict[int, int]
+    updated: Sequence[Row]
+    inserted: Sequence[Row]
+
+
 def merge_step(engine: StoreEngine, *, max_batches: int) -> int:
     """Move the rows of at most `max_batches` batches into chunks; returns how many batches went."""
     with engine.transaction(write=True):
-        return _move(engine, max_batches)
+        return do_merge(engine, plan_merge(engine, max_batches=max_batches))
+
+
+def do_merge(engine: StoreEngine, merge: Merge) -> int:
+    """Do it, inside a writing transaction; how many batches went: none where somebody touched them meanwhile."""
+    there: set[int] = set()
+    for some in slices(merge.batches):
+        query = f"SELECT batch FROM metric_batches WHERE batch IN ({placeholders(len(some))}) ORDER BY batch"
+        there.update(row[0] for row in engine.fetch(query + engine.for_update, *some))
+    open_now: dict[int, int] = {}
+    for some in slices(list(merge.filled)):
+        query = f"SELECT chunk, count FROM metric_chunks WHERE chunk IN ({placeholders(len(some))}) ORDER BY chunk"
+        open_now.update((row[0], row[1]) for row in engine.fetch(query + engine.for_update, *some))
+    if len(there) != len(merge.batches) or open_now != merge.filled:
+        return 0
+    engine.many(_UPDATE, merge.updated)
+    engine.many(_INSERT, merge.inserted)
+    engine.many("DELETE FROM metric_batches WHERE batch = ?", [(batch,) for batch in merge.batches])
+    return len(merge.batches)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,16 +84,18 @@ class _Open:
     """The open chunks of some series, by the place of their series, and their rows one after the other."""
 
     chunks: dict[int, int]
+    counts: Sequence[int]
     places: _Numbers  # of each row
     stamps: Stamps
     values: Values
 
 
-def _move(engine: StoreEngine, max_batches: int) -> int:
+def plan_merge(engine: StoreEngine, *, max_batches: int) -> Merge:
+    """What to do with the oldest batches, inside a transaction; nothing where there are none."""
     query = "SELECT batch, stored_ns, series, stamps, vals FROM metric_batches ORDER BY batch LIMIT ?"
     batches = engine.fetch(query + engine.for_update, max_batches)
     if not batches:
-        return 0
+        return Merge((), {}, (), ())
     series, places = distinct(np.frombuffer(b"".join(batch[2] for batch in batches), np.uint32))
     held = _read_open(engine, series)
     places = np.concatenate((held.places.astype(places.dtype), places))
@@ -82,10 +113,8 @@ def _move(engine: StoreEngine, max_batches: int) -> int:
                 updated.append((*_row_of(chunk), stored_ns, held.chunks[owner]))
             else:
                 inserted.append((*_row_of(chunk), stored_ns, series[owner]))
-    engine.many(_UPDATE, updated)
-    engine.many(_INSERT, inserted)
-    engine.many("DELETE FROM metric_batches WHERE batch = ?", [(batch[0],) for batch in batches])
-    return len(batches)
+    filled = dict(zip(held.chunks.values(), held.counts, strict=True))
+    return Merge([batch[0] for batch in batches], filled, updated, inserted)
 
 
 def _read_open(engine: StoreEngine, series: Sequence[int]) -> _Open:
@@ -105,7 +134,7 @@ def _read_open(engine: StoreEngine, series: Sequence[int]) -> _Open:
         stamps.append(rows[0])
         values.append(rows[1])
     owners = np.repeat(np.fromiter(chunks, np.int64, len(chunks)), counts)
-    return _Open(chunks, owners, np.concatenate(stamps), np.concatenate(values))
+    return _Open(chunks, counts, owners, np.concatenate(stamps), np.concatenate(values))
 
 
 def _decoded(chunks: dict[int, Row]) -> Iterator[tuple[int, tuple[Stamps, Values]]]:

@@ -19,7 +19,7 @@ from gateway.store.purge import Purge
 from gateway.store.retention import Retention
 from gateway.store.schema import CHUNK_SAMPLES
 from gateway.store.sqlite import SqliteEngine
-from gateway.store.telemetry.merge import merge_step, waiting_batches
+from gateway.store.telemetry.merge import do_merge, merge_step, plan_merge, waiting_batches
 from gateway.store.telemetry.query import read_gaps, read_series, read_streams
 from gateway.store.telemetry.samples import SampleFilter
 from gateway.store.telemetry.series import read_range
@@ -86,6 +86,21 @@ def test_two_who_merge_a_shared_store_move_every_row_once(connect: Callable[[], 
     while merge_step(one, max_batches=3) + merge_step(two, max_batches=5):
         pass
     assert [stamp for stamp, _ in everything(two, "host.cpu")] == list(range(4000))
+
+
+def test_a_merge_that_comes_too_late_does_nothing(engine: StoreEngine) -> None:
+    committer = Committer(engine)
+    for first in range(0, 1200, 100):
+        committer.commit([write(first + 100, *[(CPU, first + i, 1.0) for i in range(100)])], now_ns=1)
+        with engine.transaction(write=True):
+            late = plan_merge(engine, max_batches=2)
+        if first % 300 == 200:
+            gone = merge_step(engine, max_batches=1)  # the batch, or the chunk, is another one by now
+            with engine.transaction(write=True):
+                assert (gone, do_merge(engine, late)) == (1, 0)
+    while merge_step(engine, max_batches=3):
+        pass
+    assert [stamp for stamp, _ in everything(engine, "host.cpu")] == list(range(1200))
 
 
 def test_buckets_agree_with_numpy(engine: StoreEngine) -> None:

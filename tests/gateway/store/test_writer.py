@@ -15,11 +15,12 @@ from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.retention import Retention
 from gateway.store.sqlite import SqliteEngine
+from gateway.store.telemetry.merge import waiting_batches
 from gateway.store.telemetry.query import read_streams
 from gateway.store.writer import Pace, Writer
 from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import SystemClock
-from tests.gateway.store.samples import EPOCH, run_write
+from tests.gateway.store.samples import CPU, EPOCH, everything, run_write, write
 from tests.support.waiting import wait_until
 
 WAIT_S = 60
@@ -198,3 +199,16 @@ def test_a_listener_that_breaks_ends_nothing(tmp_path: Path) -> None:
     wait_until(lambda: not broken)
     assert rig.stored("r1") == {(7, EPOCH): 2}
     rig.writer.close(timeout_s=WAIT_S)
+
+
+def test_rows_are_merged_beside_the_commits(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, merge_at_batches=2, merge_look_every_s=0.0, merge_step_batches=2, commit_every_s=0.0)
+    rig.writer.start()
+    reader = rig.engine.reader()
+    for first in range(0, 2000, 100):
+        rig.writer.submit(write(first + 100, *[(CPU, first + i, float(i)) for i in range(100)]))
+        rig.writer.flush().result(WAIT_S)
+    wait_until(lambda: waiting_batches(reader)[0] < 2, timeout_s=WAIT_S)
+    assert everything(reader, "host.cpu") == [(float(n), float(n % 100)) for n in range(2000)]
+    reader.close()
+    rig.writer.close()
