@@ -41,6 +41,7 @@ from gateway.server.garbage_collector import tune_garbage_collector
 from gateway.store.engines import open_engine
 from load_tests.benchmarks.gateway.rest_client import WARM
 from load_tests.figures import note
+from metaros.executor.switch_interval import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.limits import LIMITS
 from tests.gateway.harness import client, running_gateway
 from tests.support.waiting import wait_until_async
@@ -173,6 +174,7 @@ async def _measure(chosen: argparse.Namespace) -> dict[str, list[Round]]:
         keys = await asyncio.to_thread(_fill, Path(folder), chosen.robots, min(chosen.clients, LIMITS.keys_per_user))
         async with running_gateway(Path(folder)) as ready, client(ready) as http:
             tune_garbage_collector()  # as `metaros gateway` does
+            shorten_switch_interval(SWITCH_INTERVAL_S)  # likewise
             listed = await http.get("/api/v1/robots", params={"fields": "id"})
             assert len(listed.json()["robots"]) == chosen.robots
             program = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from argon2 import PasswordHasher
@@ -16,7 +17,7 @@ from gateway.identity.errors import UnknownKeyError
 from gateway.identity.keys import KeyRequest
 from gateway.identity.master import MasterKey
 from gateway.identity.passwords import Passwords
-from gateway.identity.store_authenticator import REMEMBERED_S, StoreAuthenticator
+from gateway.identity.store_authenticator import AHEAD_S, REMEMBERED_S, StoreAuthenticator
 from gateway.store import Store
 from gateway.store.accounts.sessions import end_session
 from gateway.store.retention import Retention
@@ -209,6 +210,48 @@ async def test_what_changes_remote_counts_within_two_seconds(gate: Gate) -> None
     assert await gate.authenticator.by_session(token) == found
     gate.clock.advance(REMEMBERED_S)
     assert await gate.authenticator.by_session(token) is None
+
+
+@on_both
+async def test_who_asks_all_the_time_is_looked_up_behind_the_answer(gate: Gate) -> None:
+    await gate.user()
+    token = await gate.sign_in()
+    found = await gate.who(token)
+    looked_up, read = 0, gate.store.read
+
+    async def counted(job: Any) -> Any:
+        nonlocal looked_up
+        looked_up += 1
+        return await read(job)
+
+    gate.store.read = counted  # type: ignore[method-assign]
+    for _ in range(4):
+        gate.clock.advance(REMEMBERED_S - AHEAD_S)
+        assert [await gate.authenticator.by_session(token) for _ in range(3)] == [found] * 3
+        assert list(gate.authenticator._ahead) != []
+        await asyncio.gather(*gate.authenticator._ahead.values())
+    assert looked_up == 4  # and nobody waited
+    await gate.store.run(lambda engine: end_session(engine, found.session_id))
+    gate.clock.advance(REMEMBERED_S - AHEAD_S)
+    assert await gate.authenticator.by_session(token) == found
+    await asyncio.gather(*gate.authenticator._ahead.values())
+    assert await gate.authenticator.by_session(token) is None
+
+
+async def test_what_was_found_before_rights_changed_is_not_remembered(gate: Gate) -> None:
+    await gate.user()
+    token = await gate.sign_in()
+    gate.authenticator.forget()
+    read = gate.store.read
+
+    async def slow(job: Any) -> Any:
+        found = await read(job)
+        gate.authenticator.forget()
+        return found
+
+    gate.store.read = slow  # type: ignore[method-assign]
+    assert await gate.authenticator.by_session(token) is not None
+    assert gate.authenticator._known == {}
 
 
 async def test_a_lesser_role_counts_at_once(gate: Gate) -> None:
