@@ -90,7 +90,7 @@ class _Generator:
         self.done: asyncio.Future[int] = self._loop.create_future()
         self._due: Iterator[int] = due_of(load)
         self._size, self._sent = load.size, 0
-        self._made: dict[int, tuple[Any, Any]] = {}  # by count; the hub copies what somebody wants
+        self._made: dict[int, tuple[Any, Any, Any]] = {}  # by count; the hub copies what somebody wants
         self._hub, self._channel = _Kept.made.hub, _channel()
         self._step()
 
@@ -101,28 +101,30 @@ class _Generator:
             return
         self._loop.call_later(STEP_S, self._step)
         if due:
-            (payload, offsets), stamp_ns = self._stamped(due), time.time_ns()
+            stamp_ns = time.time_ns()
+            payload, offsets, stamps_ns = self._stamped(due, stamp_ns)
             columns = SampleColumns(
                 stream_id=1,
                 epoch=1,
                 first_seq=self._sent + 1,
-                stamps_ns=np.full(due, stamp_ns),
+                stamps_ns=stamps_ns,
                 offsets=offsets,
                 payload=payload,
             )
             self._sent += due
             self._hub.publish(Run(self._channel, columns, stamp_ns))
 
-    def _stamped(self, due: int) -> tuple[Any, Any]:
-        """So many messages with the stamp of now, and where each begins."""
+    def _stamped(self, due: int, stamp_ns: int) -> tuple[Any, Any, Any]:
+        """So many messages with the stamp of now, where each begins, and their stamps on the link."""
         size = self._size
         if due not in self._made:
-            self._made[due] = bytearray(due * size), np.arange(due + 1) * size
-        buffer, offsets = self._made[due]
+            self._made[due] = bytearray(due * size), np.arange(due + 1) * size, np.zeros(due, np.int64)
+        buffer, offsets, stamps_ns = self._made[due]
+        stamps_ns.fill(stamp_ns)
         stamp = time.monotonic_ns().to_bytes(8, "little")
         for start in range(0, due * size, size):
             buffer[start : start + 8] = stamp
-        return buffer, offsets
+        return buffer, offsets, stamps_ns
 
 
 def _channel() -> Channel:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from load_tests.fanout.client import StreamViewer
 from load_tests.fanout.load import Load
 from load_tests.fanout.measure import Figures, Server, median, percentile_ms
+from load_tests.figures import note
 
 __all__ = ["stall"]
 
@@ -80,6 +81,7 @@ def _rounds(server: Server, load: Load, viewers: int, rounds: int, seen: _Seen) 
 def _print_change(seen: _Seen) -> None:
     pooled = _pooled_ms(seen.beside, 0.99) / _pooled_ms(seen.alone, 0.99) - 1
     middle = median(seen.beside, "p99_ms") / median(seen.alone, "p99_ms") - 1
+    note("one of 100 that never reads: p99 of the others, with ÷ without", [1 + pooled])
     print(f"p99 of all latencies changes by {pooled:+.1%} (goal: < {GOAL:.0%}), the median p99 by {middle:+.1%}")
     if len(seen.alone) < 2:
         print("noise: unknown, of one round")
