@@ -14,7 +14,10 @@ from typing import Any
 
 import boto3
 import httpx
+from botocore.auth import SigV4Auth
+from botocore.awsrequest import AWSRequest
 from botocore.config import Config
+from botocore.credentials import Credentials
 
 from load_tests.functions.clients import Endpoint
 from load_tests.functions.figures import Calls
@@ -33,12 +36,23 @@ class Functions:
 
     stack: Stack
     lambda_client: Any
+    credentials: Credentials
 
     def endpoint(self, kind: str) -> Endpoint:
         """Our REST: `kind` request waits for the result, event has it durable."""
         headers = {"Authorization": f"Bearer {self.stack.key}"}
         good = 202 if kind == "event" else 200
         return Endpoint(self.stack.http_port, f"/api/v1/functions/{NAME}/invoke?kind={kind}", headers, good)
+
+    def invoke(self) -> Endpoint:
+        """The Lambda API's Invoke, which is what the emulator serves, too. It is signed here once, and good for five
+        minutes; the gateway checks the signature of every call.
+        """
+        path = f"/lambda/2015-03-31/functions/{NAME}/invocations"
+        headers = {"Content-Type": "application/json"}
+        request = AWSRequest("POST", f"{self.stack.url}{path}", headers=headers, data=b'{"n":1}')
+        SigV4Auth(self.credentials, "lambda", "local").add_auth(request)
+        return Endpoint(self.stack.http_port, path, dict(request.headers.items()))
 
     def call_with_boto3(self, count: int) -> Calls:
         """Invoke, request and response, signed as AWS has it."""
@@ -76,7 +90,7 @@ def running_gateway(folder: Path, *, options: tuple[str, ...] = ()) -> Iterator[
             aws_secret_access_key=secret,
             config=Config(retries={"total_max_attempts": 1}, proxies={}),
         )
-        yield Functions(stack, client)
+        yield Functions(stack, client, Credentials(key_id, secret))
 
 
 def _zipped() -> bytes:

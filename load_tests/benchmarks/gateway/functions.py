@@ -1,13 +1,16 @@
-"""Calls of a function: our engine, our gateway and boto3, beside AWS's runtime interface emulator.
+"""Calls of a function: our engine, our gateway and boto3, beside AWS's runtime interface emulator and bare processes.
 
     python -m load_tests functions [--rounds 5] [--calls 2000] [--quick]
 
 Everything runs a handler that returns its event, on this machine, over loopback; our workers at the highest sandbox
 level that the machine has, the emulator's without any. A round measures each row once, one after another, so that the
-machine's mood meets all of them; a line has the median of the rounds, with the lowest and the highest. The emulator is
-made for one call at a time: of 16 clients it is asked only how many calls fail, and it starts anew for each round.
-Durable means committed to the gateway's disk before the 202. Cold starts and memory are of workers that have answered
-nothing else. 1 is returned when a goal of the table is missed.
+machine's mood meets all of them; a line has the median of the rounds, with the lowest and the highest. The engine runs
+on the event loop that a gateway has. The emulator is made for one call at a time: of 16 clients it is asked only how
+many calls fail, and it starts anew for each round. What it serves is AWS's Invoke, so the gateway is compared by its
+own Invoke, signature and sandbox included, one client each. A call by REST is answered when its row of the audit log is
+on the disk, and an event when it is in the queue, on the disk: they are told beside it. Bare are a forked process that
+echoes JSON over a socket pair, and an interpreter that imports AWS's client and ends: nobody comes below those. Cold
+starts and memory are of workers that have answered nothing else. 1 is returned when a goal of the table is missed.
 """
 
 from __future__ import annotations
@@ -21,7 +24,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
+from gateway.main import new_event_loop
 from load_tests.figures import note
+from load_tests.functions.bare import cold_interpreters, echo_json
 from load_tests.functions.clients import call_in_parallel, call_one_by_one
 from load_tests.functions.engine_side import call_engine, cold_starts, running_engine, spec_of, worker_bytes
 from load_tests.functions.figures import Calls, median, spread
@@ -39,6 +44,8 @@ Rows = dict[str, list[Calls]]
 
 async def _engine_round(folder: Path, code: Path, calls: int, rows: Rows, more: dict[str, list[float]]) -> str:
     """In this process: the engine's own speed, its workers' starts and their size."""
+    rows["bare echo of JSON"].append(await echo_json(calls))
+    more["cold, bare interpreter with AWS's client ms"] += await asyncio.to_thread(cold_interpreters, COLD)
     async with running_engine(folder) as engine:
         rows["engine, one caller"].append(await call_engine(engine, spec_of(code), calls))
         rows["engine, 1 worker"].append(await call_engine(engine, spec_of(code), 2 * calls, at_once=PARALLEL))
@@ -55,7 +62,10 @@ async def _engine_round(folder: Path, code: Path, calls: int, rows: Rows, more: 
 
 
 def _gateway_round(functions: Functions, calls: int, rows: Rows) -> None:
-    request, event = functions.endpoint("request"), functions.endpoint("event")
+    request, event, invoke = functions.endpoint("request"), functions.endpoint("event"), functions.invoke()
+    call_one_by_one(invoke, 20)
+    rows["gateway, Invoke"].append(call_one_by_one(invoke, calls))
+    rows[f"gateway, Invoke, {PARALLEL} clients"].append(call_in_parallel(invoke, PARALLEL, calls // PARALLEL))
     call_one_by_one(request, 20)
     rows["gateway, REST"].append(call_one_by_one(request, calls))
     rows[f"gateway, REST, {PARALLEL} clients"].append(call_in_parallel(request, PARALLEL, calls // PARALLEL))
@@ -99,15 +109,18 @@ def _goals(rows: Rows, more: dict[str, list[float]]) -> bool:
     def of(name: str, part: str) -> float:
         return median([float(getattr(calls, part)) for calls in rows[name]])
 
-    one, many = rows["engine, one caller"], rows[f"gateway, REST, {PARALLEL} clients"]
+    one, many = rows["engine, one caller"], rows[f"gateway, Invoke, {PARALLEL} clients"]
     rie, rie_many = rows.get("AWS RIE", []), rows.get(f"AWS RIE, {PARALLEL} clients", [])
     note("p50 of a warm call", [calls.p50_ms for calls in one])
+    note("p50 of a bare echo of JSON", [calls.p50_ms for calls in rows["bare echo of JSON"]])
     note("one worker", [calls.per_s for calls in rows["engine, 1 worker"]])
     note("cold start by exec", more["cold, exec ms"])
+    note("cold bare interpreter with AWS's client", more["cold, bare interpreter with AWS's client ms"])
     note("cold start by the fork server", more["cold, fork server ms"])
     note("failures with 16 clients", [c.failed for c in many], peer=[c.failed for c in rie_many])
     note("p99, engine", [calls.p99_ms for calls in one], peer=[calls.p99_ms for calls in rie])
-    for name, ours in (("engine", one), ("gateway", rows["gateway, REST"])):
+    ways = {"engine": one, "gateway": rows["gateway, Invoke"], "gateway, audited REST": rows["gateway, REST"]}
+    for name, ours in ways.items():
         if rie:
             note(f"p99, AWS RIE ÷ {name}", [a.p99_ms / b.p99_ms for a, b in zip(rie, ours, strict=True)])
     found = [
@@ -117,15 +130,15 @@ def _goals(rows: Rows, more: dict[str, list[float]]) -> bool:
         ("cold start by the fork server at most 12 ms", median(more["cold, fork server ms"]), 12.0, False),
         (
             "no failure with 16 clients",
-            float(sum(c.failed for c in rows[f"gateway, REST, {PARALLEL} clients"])),
+            float(sum(c.failed for c in many)),
             0,
             False,
         ),
     ]
     if "AWS RIE" in rows:
-        for ours in ("engine, one caller", "gateway, REST"):
-            ratio = median([rie.p99_ms / own.p99_ms for rie, own in zip(rows["AWS RIE"], rows[ours], strict=True)])
-            found.append((f"p99 of {ours}: at least 3 times better than RIE", ratio, 3.0, True))
+        for row, least in (("engine, one caller", 3.0), ("gateway, Invoke", 2.0)):
+            ratio = median([rie.p99_ms / own.p99_ms for rie, own in zip(rows["AWS RIE"], rows[row], strict=True)])
+            found.append((f"p99 of {row}: at least {least:g} times better than RIE", ratio, least, True))
     good = True
     for text, value, goal, least in found:
         held = value >= goal if least else value <= goal
@@ -151,7 +164,8 @@ def main(argv: Sequence[str] = ()) -> int:
         Path(folder).chmod(0o755)
         (code / "app.py").write_text(HANDLER)
         for number in range(rounds):
-            level = asyncio.run(_engine_round(Path(folder) / "engine", code, calls, rows, more))
+            with asyncio.Runner(loop_factory=new_event_loop) as runner:
+                level = runner.run(_engine_round(Path(folder) / "engine", code, calls, rows, more))
             _gateway_round(functions, calls, rows)
             try:
                 _rie_round(code, calls, rows)
