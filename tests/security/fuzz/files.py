@@ -24,6 +24,7 @@ from edge_agent.outbox.segment import Frame, Gap, Kind, SegmentHeader, pack_fram
 from edge_agent.outbox.state import OutboxState
 from gateway.errors import CorruptObjectError
 from gateway.store.telemetry import chunks
+from gateway.store.telemetry.encode import encode
 from gateway.store.telemetry.segments import open_chunk, unpack
 from metaros.clock import ManualClock
 from metaros.errors import KeyringError, MetarosError, RecordingError, SealError
@@ -136,9 +137,9 @@ def series_seeds() -> tuple[bytes, ...]:
     rng = np.random.default_rng(1)
     stamps = np.cumsum(rng.integers(1, 1000, 200)).astype(np.int64)
     made = [
-        chunks.encode(np.arange(50, dtype=np.int64), np.full(50, 2.5)),
-        chunks.encode(stamps, rng.normal(size=200)),
-        chunks.encode(stamps, np.round(rng.normal(size=200)).astype(np.float32).astype(np.float64)),
+        encode(np.arange(50, dtype=np.int64), np.full(50, 2.5)),
+        encode(stamps, rng.normal(size=200)),
+        encode(stamps, np.round(rng.normal(size=200)).astype(np.float32).astype(np.float64)),
     ]
     return tuple(
         struct.pack("<BHI", item.encoding, item.count, len(item.stamps)) + item.stamps + item.vals for item in made
