@@ -2,8 +2,9 @@
 
 Each family is a generator of its own: what the series usually does, and which faults befall it. Lengths, steps and
 windows are like NAB's (a tenth of a series is window, shared by its faults, each in the middle of its own), so that the
-same scorer judges them. `TUNING` may be looked at when something is chosen, `CHECKING` only afterwards; no generator is
-in both. All is drawn from a seed: `make_series(families, seed=1)` gives the same numbers each time.
+same scorer judges them. What the detectors look at was chosen with `TUNING` in view, their limits with `CHECKING` too;
+those of `unseen_families.py` are for afterwards. No generator is in two of them. All is drawn from a seed:
+`make_series(families, seed=1)` gives the same numbers each time.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from load_tests.anomaly.made_faults import FAULTS
 from load_tests.anomaly.nab_files import Series
 
-__all__ = ["CHECKING", "TUNING", "Family", "make_series"]
+__all__ = ["CHECKING", "DAY_S", "FIVE_MIN", "HOUR", "TUNING", "Array", "Family", "Rng", "make_series"]
 
 START_S = 1_767_225_600.0  # a Thursday, midnight
 DAY_S = 86_400.0

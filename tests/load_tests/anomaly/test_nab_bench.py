@@ -15,6 +15,7 @@ from load_tests.anomaly.families import CHECKING, TUNING, make_series
 from load_tests.anomaly.nab_files import FilesError, Series, read_folder
 from load_tests.anomaly.nab_scorer import PROFILES, label, result_at
 from load_tests.anomaly.nab_tune import TUNED, candidates, cross_validate, score_all
+from load_tests.anomaly.unseen_families import UNSEEN
 
 GOALS = {"standard": 66.0, "reward_low_FP_rate": 55.0, "reward_low_FN_rate": 72.0}
 
@@ -110,10 +111,10 @@ def test_the_table_of_folds(development: tuple[Series, ...], capsys: pytest.Capt
 
 
 def test_made_up_series_are_like_nabs_and_the_same_each_time() -> None:
-    made = make_series((*TUNING, *CHECKING), seed=3, each=6)
-    again = make_series((*TUNING, *CHECKING), seed=3, each=6)
-    assert len({one.name for one in made}) == len(made) == 6 * 12
-    assert not {family.name for family in TUNING} & {family.name for family in CHECKING}
+    families = (*TUNING, *CHECKING, *UNSEEN)
+    made, again = (make_series(families, seed=3, each=6) for _ in range(2))
+    assert len({family.usual for family in families}) == len(families)
+    assert len({one.name for one in made}) == len(made) == 6 * len(families)
     for one, same in zip(made, again, strict=True):
         assert (one.values == same.values).all()
         assert 1000 <= len(one.values) <= 22_000
@@ -123,4 +124,4 @@ def test_made_up_series_are_like_nabs_and_the_same_each_time() -> None:
         assert not one.windows or 0.08 < inside / len(one.values) < 0.12
         assert all(first >= one.probation for first, _ in one.windows)
         assert all(before[1] < after[0] for before, after in itertools.pairwise(one.windows))
-    assert sum(not one.windows for one in made) == 12
+    assert sum(not one.windows for one in made) == len(families)
