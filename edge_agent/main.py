@@ -239,6 +239,8 @@ class AgentParts:
             wake_writer=self.writer.wake,
             wake_uplink=lambda: wake(DATA),
             tracer=queues.tracer,
+            watched=lambda: queues.channels.watched,
+            patience_s=self.settings.outbox.patience_s,
         )
         self.session_manager.facts.black_box = self.box.describe if self.box is not None else None
         record = self.box.take if self.box is not None else None

@@ -198,6 +198,7 @@ GOALS: tuple[Goal, ...] = (
     Goal(benchmark="board", figure="agent, resident", unit="MB", most=60, peer="bare Python, eclipse-zenoh, grpcio"),
     Goal(benchmark="board", figure="agent, 10 topics of 10 Hz", unit="% of a core", most=5),
     Goal(benchmark="board", figure="agent, written to flash an hour", unit="MB", most=50),
+    Goal(benchmark="board", figure="agent, written to flash an hour of being watched", unit="MB"),
     Goal(benchmark="idle", figure="an agent, nobody watching", unit="% of a core", most=2),
     Goal(benchmark="idle", figure="the gateway, nobody watching", unit="% of a core", most=3),
     Goal(benchmark="idle", figure="the simulator, nobody watching", unit="% of a core"),

@@ -8,6 +8,7 @@ alone, and noted with its publisher, so that every clip declares it.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -20,6 +21,7 @@ from edge_agent.blackbox.ring import Ring, RingFile
 from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import BlackBoxOffError
 from edge_agent.forwarding.pipeline import Arrival
+from edge_agent.forwarding.scope import ROSOUT
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.idl.globs import Glob
@@ -33,6 +35,8 @@ LOG = logging.getLogger("metaros.agent.black_box")
 GATHER_S: Final = 0.2  # how long samples gather before the writer looks,
 GATHER_BYTES: Final = 4 << 20  # or how much of them
 TICK_S: Final = 1.0
+AFTER_S: Final = 10.0  # what follows a log line of level FATAL so long goes to disk with what led to it
+_LEVEL, _FATAL = 12, b"\x32"  # where the CDR of rcl_interfaces/msg/Log has its level
 OVERHEAD_BYTES: Final = 512  # what a waiting sample weighs beside its payload
 _MOST_SOURCES: Final = 65_000  # publishers; an MCAP file knows no more channels
 
@@ -69,6 +73,7 @@ class _Facts:
     first_ns: int = 0
     last_ns: int = 0
     size_bytes: int = 0
+    quota_bytes: int = 0
     lost: int = 0
     trouble: str = ""
 
@@ -98,6 +103,7 @@ class BlackBox:
         self._waiting_bytes = self._overflow = 0
         self._sources: dict[tuple[int, bytes], RecordedPublisher] = {}
         self._facts = _Facts()
+        self._kept_s, self._keep_at_s = -math.inf, math.inf  # when it last went to disk, and when it is to
         self._failed = ""
         self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
 
@@ -151,7 +157,7 @@ class BlackBox:
             from_ns=facts.first_ns,
             to_ns=facts.last_ns,
             size_bytes=facts.size_bytes,
-            quota_bytes=self._settings.quota_bytes,
+            quota_bytes=facts.quota_bytes or self._settings.quota_bytes,
             lost=facts.lost + self._overflow,
         )
 
@@ -184,9 +190,12 @@ class BlackBox:
             if ring is not None and self._clock.monotonic_s() >= next_s:
                 next_s = self._clock.monotonic_s() + TICK_S
                 self._tick(ring)
+                if self._clock.monotonic_s() >= self._keep_at_s:
+                    self._keep_at_s, self._kept_s = math.inf, self._clock.monotonic_s()
+                    ring.keep()
         self._all_that_waits(ring)
         if ring is not None:
-            ring.close_file()
+            ring.keep()
 
     def _all_that_waits(self, ring: Ring | None) -> None:
         with self._lock:
@@ -210,7 +219,7 @@ class BlackBox:
         try:
             ring.tick()
             first_ns, last_ns = ring.span_ns
-            self._facts = _Facts(first_ns, last_ns, ring.size_bytes, ring.lost, ring.trouble)
+            self._facts = _Facts(first_ns, last_ns, ring.size_bytes, ring.limit_bytes, ring.lost, ring.trouble)
         except Exception:
             LOG.exception("the black box does not keep its bounds")
 
@@ -222,8 +231,20 @@ class BlackBox:
                 wanted = self._wants(channel.topic)
             if wanted:
                 source = sources.get((channel.channel_id, gid)) or self._meet(channel, gid)
+                payload = bytes(payload)
+                if channel.topic == ROSOUT and payload[_LEVEL : _LEVEL + 1] == _FATAL:
+                    self._happened()
                 log_ns = batch.clock_ns + round(arrived_s * 1e9)
-                ring.write(source, sequence, log_ns, stamp_ns, bytes(payload))
+                ring.write(source, sequence, log_ns, stamp_ns, payload)
+
+    def _happened(self) -> None:
+        """A program on the robot said that it is at its end: put on disk what led there, and a little after it.
+
+        Not more often than what is kept in memory is another one by then.
+        """
+        if self._keep_at_s == math.inf:
+            again_s = self._kept_s + 60 * self._settings.minutes
+            self._keep_at_s = max(self._clock.monotonic_s() + AFTER_S, again_s)
 
     # -- both threads --------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,6 @@
-"""The ring on disk: MCAP files of a few seconds each, the oldest deleted when there are too many. One thread uses it.
+"""The ring: MCAP files of a few seconds each, the oldest deleted when there are too many. One thread uses it.
+
+Its folder is on disk, or in memory; then `keep` moves what it holds to one on disk, where it stays part of the ring.
 
 It is bounded in bytes and in recorded time: a clock that jumps, or an hour without an agent, deletes nothing. Nothing
 is synced; what a killed agent wrote is there up to its last whole chunk, at most a second less. On a disk that is
@@ -12,12 +14,13 @@ import errno
 import logging
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Final
 
 from edge_agent.blackbox.latched import retire_latched
 from edge_agent.blackbox.mcap_reader import DEPTH_KEY, latched_channels
+from edge_agent.blackbox.memory import move_to_disk
 from edge_agent.blackbox.publisher import RecordedPublisher
 from edge_agent.errors import DiskError
 from edge_agent.forwarding.channels import Channel
@@ -69,15 +72,19 @@ class Ring:
         free: Callable[[], tuple[int, int]],
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0),
         seal: Callable[[Channel, bytes, int, bytes], bytes] | None = None,
+        disk: Path | None = None,
     ) -> None:
         """`seal` makes what is kept of a channel's payload, its publisher's GID and number given.
+
+        `disk` is where a ring in memory keeps, and where it has its few latched samples.
 
         Take over the files that an earlier run left. `free` tells free and all bytes of the disk, or DiskError.
         """
         self.trouble = ""
         self.lost = 0
         self._folder, self._clock, self._free, self._open_file = folder, clock, free, open_file
-        self._window_s, self._limit_bytes, self._seal = window_s, limit_bytes, seal
+        self._disk = disk or folder
+        self._window_s, self.limit_bytes, self._seal = window_s, limit_bytes, seal
         self._piece_s = min(PIECE_S, window_s / 4)
         self._piece_bytes = min(LIMITS.black_box_piece_bytes, limit_bytes // 8)
         self._pieces: deque[RingFile] = deque()
@@ -95,11 +102,11 @@ class Ring:
     @property
     def latched_path(self) -> Path:
         """Where samples of latched topics are that left the ring."""
-        return self._folder / "latched.mcap"
+        return self._disk / "latched.mcap"
 
     @property
     def size_bytes(self) -> int:
-        """On disk, with what waits for its chunk."""
+        """With what waits for its chunk."""
         size = sum(piece.size_bytes for piece in self._pieces)
         return size + (self._file.size_bytes + self._file.pending_bytes if self._file else 0)
 
@@ -165,6 +172,19 @@ class Ring:
             for path in self._doomed:
                 _unlink(path)
             self._doomed.clear()
+
+    def keep(self) -> None:
+        """Something happened: a ring in memory moves all it holds to its disk; what finds no room there stays."""
+        self.close_file()
+        if self._holders:  # it goes into a recording, which is on disk
+            return
+        for index, piece in enumerate(self._pieces):
+            if piece.path.parent != self._disk:
+                try:
+                    self._pieces[index] = replace(piece, path=move_to_disk(piece.path, self._disk))
+                except DiskError as error:
+                    LOG.warning("the black box stays in memory: %s", error)
+                    return
 
     def close_file(self, *, index: bool = True) -> None:
         """End the open file, with its index; without it the file is read as that of a killed agent."""
@@ -239,7 +259,7 @@ class Ring:
         newer_s += self._clock.monotonic_s() - self._opened_s if self._file else 0.0
         while self._pieces:
             newer_s -= self._pieces[0].recorded_s
-            if newer_s < self._window_s and self.size_bytes <= self._limit_bytes:
+            if newer_s < self._window_s and self.size_bytes <= self.limit_bytes:
                 return
             self._retire()
 
@@ -264,7 +284,7 @@ class Ring:
         """The oldest file leaves the ring."""
         piece = self._pieces.popleft()
         if piece.latched:
-            limit_bytes = self._limit_bytes // _LATCHED_SHARE
+            limit_bytes = self.limit_bytes // _LATCHED_SHARE
             try:
                 retire_latched(self.latched_path, piece.path, limit_bytes=limit_bytes)
             except (OSError, RecordingError) as error:
@@ -304,9 +324,11 @@ class Ring:
     def _restore(self) -> None:
         """What an earlier run left; files that hold nothing readable are deleted."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        for path in self._folder.glob("*.partial"):
+        folders = {self._disk, self._folder}
+        for path in (path for folder in folders for path in folder.glob("*.partial")):
             _unlink(path)
-        for path in sorted(self._folder.glob("[0-9]*.mcap")):
+        found = (path for folder in folders for path in folder.glob("[0-9]*.mcap"))
+        for path in sorted(found, key=lambda path: path.name):
             piece = _found(path, most_s=self._piece_s)
             if piece is None:
                 _unlink(path)

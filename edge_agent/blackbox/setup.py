@@ -6,12 +6,13 @@ import logging
 from pathlib import Path
 
 from edge_agent.blackbox.box import BlackBox
+from edge_agent.blackbox.memory import memory_folder
 from edge_agent.blackbox.recording_store import RecordingStore
 from edge_agent.blackbox.ring import Ring
 from edge_agent.config.black_box import BlackBoxSettings
 from edge_agent.errors import DiskError
 from edge_agent.forwarding.sealing import Sealing
-from edge_agent.outbox import Disk
+from edge_agent.outbox import Disk, OsDisk
 from metaros.clock import Clock
 
 __all__ = ["BOX_FOLDER", "RECORDINGS_FOLDER", "open_box", "open_recordings"]
@@ -27,14 +28,18 @@ def open_box(
     if not settings.enabled:
         return None
 
+    folder = directory / BOX_FOLDER
+
     def open_ring() -> Ring:
+        memory = memory_folder(folder) if settings.keep == "memory" else None
         return Ring(
-            directory / BOX_FOLDER,
+            memory or folder,
             clock,
             window_s=settings.minutes * 60,
-            limit_bytes=settings.quota_bytes,
-            free=disk.free,
+            limit_bytes=settings.quota_bytes if memory is None else min(settings.memory_bytes, settings.quota_bytes),
+            free=disk.free if memory is None else OsDisk(memory).free,
             seal=sealing.recorded if sealing is not None else None,
+            disk=folder,
         )
 
     box = BlackBox(settings, open_ring, clock)

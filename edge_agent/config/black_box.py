@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Literal
 
 from metaros.errors import ConfigError, MetarosError
 from metaros.idl.globs import Glob
@@ -17,9 +17,14 @@ _LEAST_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlackBoxSettings:
-    """Bounds of the ring in recorded time and in bytes on disk; it takes `topics` less `exclude`, both patterns."""
+    """Bounds of the ring in recorded time and in bytes; it takes `topics` less `exclude`, both patterns.
+
+    `keep` says where it is: in memory until something happens, or always on disk.
+    """
 
     enabled: bool = True
+    keep: Literal["memory", "disk"] = "memory"
+    memory_bytes: int = LIMITS.black_box_memory_bytes
     minutes: float = 5.0
     quota_bytes: int = LIMITS.black_box_bytes
     topics: tuple[str, ...] = ("**",)
@@ -35,6 +40,9 @@ def black_box_settings(table: dict[str, Any], where: str) -> BlackBoxSettings:
     values = dict(table)
     if not isinstance(values.get("enabled", True), bool):
         raise ConfigError(f"{where}: black_box.enabled must be bool, not {values['enabled']!r}")
+    if values.get("keep", "memory") not in ("memory", "disk"):
+        raise ConfigError(f"{where}: black_box.keep must be memory or disk, not {values['keep']!r}")
+    _check_number(values, "memory_bytes", (int,), _LEAST_BYTES, 1 << 40, where)
     _check_number(values, "minutes", (int, float), 0.1, _MOST_MINUTES, where)
     _check_number(values, "quota_bytes", (int,), _LEAST_BYTES, 1 << 50, where)
     for key in ("topics", "exclude"):

@@ -58,6 +58,12 @@ class OutboxSettings:
     event_sync_ms: int = round(CLASSES["event"].sync_s * 1000)
     metric_sync_ms: int = round(CLASSES["metric"].sync_s * 1000)
     bulk_sync_ms: int = round(CLASSES["bulk"].sync_s * 1000)
+    idle_sync_ms: int = 1000  # of rows and of copies of live topics, while nobody watches
+
+    @property
+    def patience_s(self) -> float:
+        """How much longer than else these gather then."""
+        return max(0, self.idle_sync_ms - max(self.metric_sync_ms, self.bulk_sync_ms)) / 1000
 
     def classes(self) -> dict[str, ClassPolicy]:
         """The outbox's class table with these quotas and times."""

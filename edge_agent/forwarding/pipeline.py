@@ -44,7 +44,12 @@ class Pipeline:
         wake_uplink: Callable[[], None],
         limits: Limits = LIMITS,
         tracer: Tracer | None = None,
+        watched: Callable[[], bool] = lambda: True,
+        patience_s: float = 0.0,
     ) -> None:
+        """What was thinned to a few a second, rows and copies, gathers `patience_s` longer while nobody watches."""
+        self._watched, self._patience_s = watched, patience_s
+        self._more_s = 0.0  # the patience of what is being taken over
         self._tracer = tracer
         self._outbox = outbox
         self._live = live
@@ -59,6 +64,7 @@ class Pipeline:
     def take(self, arrivals: Iterable[Arrival], now_s: float) -> None:
         """Take over what the tap collected."""
         live_bytes, since_s = 0, now_s
+        self._more_s = 0.0 if self._watched() else self._patience_s
         for arrival in arrivals:
             arrival.channel.messages += 1
             arrival.channel.size_bytes += arrival.size_bytes
@@ -90,7 +96,7 @@ class Pipeline:
             self.malformed += 1
             return
         for row in rows:
-            self._outbox.append(METRIC_STREAM, "metric", arrival.stamp_ns, row, arrival.arrived_s)
+            self._outbox.append(METRIC_STREAM, "metric", arrival.stamp_ns, row, arrival.arrived_s + self._more_s)
             self._kept = True
 
     def _sample(self, channel: Channel, arrival: Arrival) -> int:
@@ -114,7 +120,8 @@ class Pipeline:
         if channel.rule.latest_only and channel.delivery == "bulk":
             self._latest.put(channel, arrival.stamp_ns, payload)
         else:
-            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload, arrival.arrived_s)
+            came_s = arrival.arrived_s + (self._more_s if channel.history else 0.0)
+            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload, came_s)
         return 0
 
 

@@ -123,7 +123,7 @@ class Outbox:
         return self._classes[delivery].quota_bytes
 
     def append(self, stream_id: int, delivery: str, stamp_ns: int, data: bytes | Row, came_s: float = 0.0) -> None:
-        """Gather a sample, which came at `came_s` (0: now). It is accepted once its flush is done."""
+        """Gather a sample as if it came at `came_s` (0: now). It is accepted once its flush is done."""
         name, stream_id = self._route(stream_id, delivery)
         pending = self._pending[name]
         if pending.size_bytes > _GATHER_BYTES // len(LOGS) and self._gathered() > _GATHER_BYTES:

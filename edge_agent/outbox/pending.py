@@ -49,12 +49,11 @@ class Pending:
         return bool(self._streams)
 
     def append(self, stream_id: int, sample: Sample, now_s: float) -> None:
-        """Another sample of a stream."""
+        """Another sample of a stream, which gathers as if it had come then."""
         self._streams.setdefault(stream_id, []).append(sample)
         self.size_bytes += size_of(sample)
         self.count += 1
-        if self.since_s is None:
-            self.since_s = now_s
+        self.since_s = now_s if self.since_s is None else min(self.since_s, now_s)
 
     def lose(self, stream_id: int, reason: str, wall_ns: int, now_s: float) -> None:
         """A sample of a stream that cannot be kept."""

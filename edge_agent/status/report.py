@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from edge_agent.blackbox.memory import KEPT_IN_MEMORY
 from edge_agent.blackbox.recording_store import RecordingStore
 from edge_agent.blackbox.setup import BOX_FOLDER, RECORDINGS_FOLDER
 from edge_agent.errors import CorruptError
@@ -198,7 +199,8 @@ def _shelf_row(recordings: RecordingStore | None) -> Report:
 
 def _left_box(folder: Path) -> Report:
     """The ring of an agent that does not run, by its files alone."""
-    facts = [path.stat() for path in sorted(folder.glob("[0-9]*.mcap"))]
+    places = (folder, folder / KEPT_IN_MEMORY)
+    facts = [path.stat() for place in places for path in sorted(place.glob("[0-9]*.mcap"))]
     box = link_pb2.BlackBox(size_bytes=sum(fact.st_size for fact in facts))
     if facts:
         box.to_ns = max(fact.st_mtime_ns for fact in facts)

@@ -35,6 +35,7 @@ class Limits(FunctionLimits):
     outbox_segment_bytes: int = 16 * MIB  # one file of a log
     outbox_reserve_bytes: int = 16 * MIB  # kept free for events and for declaring losses on a full disk
     black_box_bytes: int = 512 * MIB  # on the robot's disk: the last minutes of everything; the oldest goes
+    black_box_memory_bytes: int = 32 * MIB  # the same in memory, where it is kept there
     black_box_piece_bytes: int = 16 * MIB  # one file of it
     black_box_queue_bytes: int = 64 * MIB  # samples that wait for the black box's disk; more are lost to it
     recordings: int = 16  # clips on the robot's disk that wait for the gateway; more are refused
@@ -179,8 +180,8 @@ class Limits(FunctionLimits):
     credential_check_s: float = 2.0  # how often it is asked whether who has a socket open may still be here
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
     listed: int = 10_000  # items of one page of a list
-    robot_rows_bytes: int = 64 * MIB  # of robots as they are shown in lists, rendered; who was not asked for goes first
     robot_pages_bytes: int = 16 * MIB  # pages of robots as they were sent last; what was made first goes first
+    robot_rows_bytes: int = 64 * MIB  # of robots as they are shown in lists, rendered; who was not asked for goes first
     event_bytes: int = 16 * KIB  # what one event of the journal tells, as JSON
     events_waiting: int = 8192  # that wait for the database; further ones are counted as lost
     events_in_memory: int = 1024  # the newest, for those who watch

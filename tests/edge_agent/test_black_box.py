@@ -16,6 +16,7 @@ from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
+from metaros.limits import LIMITS
 from tests.edge_agent.conftest import Rig, Robot
 from tests.support.gateways.fake_gateway import BACKFILL, FakeGateway
 from tests.support.waiting import wait_until_async
@@ -83,7 +84,7 @@ async def test_every_sample_of_a_live_topic_that_nobody_watched_is_in_the_record
     await wait_until_async(lambda: list(recordings.iterdir()) == [])
     await wait_until_async(lambda: agent.half.statistics[-1].link.black_box.size_bytes > 0)
     box = agent.half.statistics[-1].link.black_box
-    assert (box.quota_bytes, box.lost) == (512 << 20, 0)
+    assert (box.quota_bytes, box.lost) == (LIMITS.black_box_memory_bytes, 0)
     assert SystemClock().wall_ns() - 300 * SECOND < box.from_ns <= box.to_ns
 
 

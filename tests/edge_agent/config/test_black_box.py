@@ -20,9 +20,16 @@ def test_defaults_and_every_key(tmp_path: Path) -> None:
     assert load(tmp_path, "") == BlackBoxSettings(minutes=5.0, quota_bytes=512 << 20, topics=("**",))
     text = (
         "[black_box]\nenabled = false\nminutes = 2\nquota_bytes = 1048576\ntopics = ['/a/**']\nexclude = ['**/raw']\n"
+        "keep = 'disk'\nmemory_bytes = 2097152\n"
     )
     assert load(tmp_path, text) == BlackBoxSettings(
-        enabled=False, minutes=2, quota_bytes=1 << 20, topics=("/a/**",), exclude=("**/raw",)
+        enabled=False,
+        minutes=2,
+        quota_bytes=1 << 20,
+        topics=("/a/**",),
+        exclude=("**/raw",),
+        keep="disk",
+        memory_bytes=2 << 20,
     )
 
 
@@ -30,6 +37,8 @@ def test_defaults_and_every_key(tmp_path: Path) -> None:
     "line",
     [
         "enabled = 1",
+        "keep = 'tape'",
+        "memory_bytes = 1000",
         "minutes = 0",
         "minutes = 100000",
         "minutes = true",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from edge_agent.config.topic_table import TopicRule, TopicTable
 from edge_agent.forwarding.channels import METRIC_STREAM, Channels
 from edge_agent.forwarding.live_batch import Linger
@@ -131,3 +133,19 @@ def test_while_the_link_is_down_samples_go_to_the_back_fill() -> None:
     rig.pipeline.take(rig.arrivals("/bulk", b"xyz", 2), 6.0)
     assert rig.frames("bulk") == []
     assert [frame.stream_id for frame in rig.frames("bulk_backfill")] == [1 | BACKFILL_BIT]
+
+
+def test_rows_gather_longer_while_nobody_watches() -> None:
+    rig = Rig()
+    now_s, watched = rig.outbox._clock.monotonic_s(), False
+    rig.pipeline._watched, rig.pipeline._patience_s = lambda: watched, 0.9
+    arrivals = [arrival._replace(arrived_s=now_s) for arrival in rig.arrivals("/battery_state", battery(), 1)]
+    rig.pipeline.take(arrivals, now_s)
+    assert rig.outbox.due_s("metric") == pytest.approx(0.9)
+    watched = True
+    rig.pipeline.take([arrival._replace(arrived_s=now_s + 1.0) for arrival in arrivals], now_s + 1.0)
+    assert rig.outbox.due_s("metric") == pytest.approx(0.9), "the older of both"
+    bulk = [arrival._replace(arrived_s=now_s) for arrival in rig.arrivals("/bulk", b"x", 1)]
+    watched = False
+    rig.pipeline.take(bulk, now_s)
+    assert rig.outbox.due_s("bulk") == pytest.approx(0.0), "what somebody wants kept does not wait"
