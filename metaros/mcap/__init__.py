@@ -3,6 +3,14 @@
 from __future__ import annotations
 
 from metaros.mcap.chunk import MalformedChunkError, read_chunk, read_messages
-from metaros.mcap.file import COMPRESSIONS, McapFile
+from metaros.mcap.file import COMPRESSIONS, FAST, SMALL, McapFile
 
-__all__ = ["COMPRESSIONS", "MalformedChunkError", "McapFile", "read_chunk", "read_messages"]
+__all__ = [
+    "COMPRESSIONS",
+    "FAST",
+    "SMALL",
+    "MalformedChunkError",
+    "McapFile",
+    "read_chunk",
+    "read_messages",
+]

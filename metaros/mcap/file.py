@@ -35,7 +35,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from metaros.errors import ConfigError
 
-__all__ = ["COMPRESSIONS", "McapFile"]
+__all__ = ["COMPRESSIONS", "FAST", "SMALL", "McapFile"]
 
 T = TypeVar("T")
 COMPRESSIONS: Final = ("zstd", "lz4", "none")
@@ -43,7 +43,8 @@ _MESSAGE: Final = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII")
 _FIXED: Final = _MESSAGE.size - 9  # of a message record's length: all but opcode and length
 _TAKE_BACK: Final = 16  # chunks that the end of a file on a full disk may cost
-_LEVEL: Final = 1  # zstd's fast level: a recorder must keep up, and `metaros bag cut` can repack
+FAST, SMALL = 1, 5  # zstd's levels: a recorder must keep up; what is kept for months may take twice as long
+_NOISE: Final = 0.95  # what the fast level leaves so much of gains nothing by the other one
 
 
 @dataclass(slots=True)
@@ -64,9 +65,11 @@ class McapFile(Generic[T]):
     OSError of the output comes through `write`, `flush` and `finish`, after the file was cut back to whole chunks.
     """
 
-    def __init__(self, output: BinaryIO, *, compression: str = "zstd", chunk_bytes: int = 1 << 20) -> None:
+    def __init__(
+        self, output: BinaryIO, *, compression: str = "zstd", level: int = FAST, chunk_bytes: int = 1 << 20
+    ) -> None:
         self._output = output
-        self._compress = _compressor(compression)
+        self._compress = _compressor(compression, level)
         self._compression = "" if compression == "none" else compression
         self._chunk_bytes = chunk_bytes
         self._chunk: _Chunk[T] = _Chunk()
@@ -132,6 +135,20 @@ class McapFile(Generic[T]):
             chunk.last_ns = log_ns
         if chunk.size_bytes >= self._chunk_bytes:
             self.flush()
+
+    def write_records(
+        self, channel_id: int, log_ns: Sequence[int], offsets: Sequence[int], records: bytes, notes: Sequence[T]
+    ) -> None:
+        """Add messages as records that the caller packed, each at its offset, all to the open chunk."""
+        chunk = self._chunk
+        start = chunk.size_bytes
+        entries = chunk.index.setdefault(channel_id, [])
+        for stamp_ns, offset in zip(log_ns, offsets, strict=True):
+            entries += (stamp_ns, start + offset)
+        chunk.parts.append(records)
+        chunk.size_bytes += len(records)
+        chunk.notes += notes
+        chunk.first_ns, chunk.last_ns = min(chunk.first_ns, *log_ns), max(chunk.last_ns, *log_ns)
 
     @property
     def last_chunk(self) -> tuple[int, int]:
@@ -316,12 +333,23 @@ def _message_indexes(index: dict[int, list[int]], start: int) -> tuple[dict[int,
     return offsets, b"".join(records)
 
 
-def _compressor(name: str) -> Callable[[bytes], bytes]:
+def _compressor(name: str, level: int) -> Callable[[bytes], bytes]:
     if name == "zstd":
-        return zstandard.ZstdCompressor(level=_LEVEL).compress
+        return _zstd(level)
     if name == "lz4":
         compress: Callable[[bytes], bytes] = lz4.frame.compress
         return compress
     if name == "none":
         return bytes
     raise ConfigError(f"{name!r} is no compression: one of {', '.join(COMPRESSIONS)}")
+
+
+def _zstd(level: int) -> Callable[[bytes], bytes]:
+    fast, slow = zstandard.ZstdCompressor(level=FAST), zstandard.ZstdCompressor(level=level)
+
+    def compress(raw: bytes) -> bytes:
+        """Pictures and films take the slow way ten times as long, and stay what they are."""
+        quick = fast.compress(raw)
+        return quick if len(quick) > _NOISE * len(raw) else slow.compress(raw)
+
+    return fast.compress if level <= FAST else compress

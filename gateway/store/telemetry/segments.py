@@ -18,7 +18,8 @@ import numpy.typing as npt
 from gateway.domain.qos import offered_qos
 from gateway.errors import CorruptObjectError
 from gateway.store.telemetry.samples import StoredBatch
-from metaros.mcap import MalformedChunkError, McapFile, read_chunk, read_messages
+from gateway.store.telemetry.segment_records import RECORD_BYTES, holds, joined, pack_records
+from metaros.mcap import SMALL, MalformedChunkError, McapFile, read_chunk, read_messages
 
 __all__ = [
     "CHUNK_BYTES",
@@ -62,6 +63,7 @@ class PackedRun:
     stored_ns: int
     offset: int
     size_bytes: int
+    file_channel: int  # its channel's number in the file
     chunk_start: int = 0
     chunk_bytes: int = 0
 
@@ -164,12 +166,14 @@ class _Packer:
     def __init__(self, robot_id: str) -> None:
         self._robot_id = robot_id
         self._output = io.BytesIO()
-        self._file: McapFile[None] = McapFile(self._output, chunk_bytes=1 << 40)
+        self._file: McapFile[None] = McapFile(self._output, level=SMALL, chunk_bytes=1 << 40)
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._stream: tuple[int, int, int] | None = None
         self._channel = 0
         self._runs: list[PackedRun] = []
         self._open: list[PackedRun] = []  # of the chunk in the making
+        self._batches: list[StoredBatch] = []
+        self._size_bytes = 0
 
     def add(self, item: Packed) -> None:
         """Add a batch that comes after all others by stream, epoch and number."""
@@ -178,13 +182,13 @@ class _Packer:
         if stream != self._stream:
             self._flush()
             self._stream, self._channel = stream, self._new_channel(batch)
-        elif self._file.pending_bytes + len(batch.payload) > CHUNK_BYTES:
+        elif self._size_bytes + len(batch.payload) > CHUNK_BYTES:
             self._flush()
         if not self._open or not self._open[-1].takes(item):
-            self._open.append(_empty_run(item, self._file.pending_bytes))
+            self._open.append(_empty_run(item, self._size_bytes, self._channel))
         self._open[-1].add(batch)
-        for seq, stamp_ns, payload in batch.samples():
-            self._file.write(self._channel, stamp_ns, stamp_ns, seq, payload, None)
+        self._batches.append(batch)
+        self._size_bytes += len(batch.payload) + RECORD_BYTES * batch.count
 
     def finish(self) -> Segment:
         """The whole file."""
@@ -213,17 +217,22 @@ class _Packer:
     def _flush(self) -> None:
         if not self._open:
             return
+        messages = joined(self._batches)
+        records, offsets = pack_records(self._channel, messages)
+        notes = [None] * len(offsets)
+        self._file.write_records(self._channel, messages.stamps_ns.tolist(), offsets.tolist(), records, notes)
         self._file.flush()
         for run in self._open:
             run.chunk_start, run.chunk_bytes = self._file.last_chunk
         self._runs += self._open
-        self._open = []
+        self._open, self._batches, self._size_bytes = [], [], 0
 
 
-def _empty_run(item: Packed, offset: int) -> PackedRun:
+def _empty_run(item: Packed, offset: int, file_channel: int) -> PackedRun:
     batch = item.batch
     lowest, highest = (1 << 63) - 1, -(1 << 63)
-    return PackedRun(item.channel, batch.stream_id, batch.epoch, batch.first_seq, 0, lowest, highest, 0, 0, offset, 0)
+    key = (item.channel, batch.stream_id, batch.epoch, batch.first_seq)
+    return PackedRun(*key, 0, lowest, highest, 0, 0, offset, 0, file_channel)
 
 
 def _lost(_notes: object) -> None:
@@ -237,26 +246,20 @@ def _verify(segment: Segment, ordered: Sequence[Packed]) -> None:
         if run.chunk_start != start:
             start = run.chunk_start
             records = open_chunk(segment.data[start : start + run.chunk_bytes])
-        held = unpack(records, offset=run.offset, first_seq=run.first_seq, count=run.count)
-        if not _same(run, held, left):
+        if not _same(run, records, left):
             raise CorruptObjectError("a segment was packed wrong: it reads back as something else")
     if next(left, None) is not None:
         raise CorruptObjectError("a segment was packed wrong: a batch is not in it")
 
 
-def _same(run: PackedRun, held: tuple[Stamps, Lengths, bytes], left: Iterator[Packed]) -> bool:
+def _same(run: PackedRun, records: bytes, left: Iterator[Packed]) -> bool:
     """Whether a run is the next batches, one after the other."""
-    stamps, lengths, payload = held
-    done, at = 0, 0
-    while done < run.count:
+    batches: list[StoredBatch] = []
+    number = run.first_seq
+    while number < run.first_seq + run.count:
         item = next(left, None)
-        if item is None or item.batch.first_seq != run.first_seq + done:
+        if item is None or item.batch.first_seq != number:
             return False
-        batch, end = item.batch, done + item.batch.count
-        upto = at + len(batch.payload)
-        if not np.array_equal(stamps[done:end], batch.stamps_ns) or payload[at:upto] != batch.payload:
-            return False
-        if not np.array_equal(lengths[done:end], batch.lengths):
-            return False
-        done, at = end, upto
-    return done == run.count and at == len(payload)
+        batches.append(item.batch)
+        number += item.batch.count
+    return number == run.first_seq + run.count and holds(records, run.offset, run.file_channel, joined(batches))

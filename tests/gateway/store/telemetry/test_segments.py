@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from gateway.errors import CorruptObjectError
 from gateway.store.telemetry import segments
 from gateway.store.telemetry.samples import StoredBatch
+from gateway.store.telemetry.segment_records import Messages, pack_records
 from gateway.store.telemetry.segments import RUN_NS, Packed, Segment, open_chunk, pack, unpack
 from tests.gateway.store.samples import channel
 
@@ -85,12 +86,11 @@ def test_batches_that_follow_are_one_run_and_others_are_not() -> None:
 
 
 def test_what_is_packed_wrong_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = segments.McapFile.write
+    def other(channel_id: int, packed: Messages) -> tuple[bytes, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+        records, offsets = pack_records(channel_id, packed)
+        return records.replace(b"x", b"y"), offsets
 
-    def other(self: object, channel_id: int, log_ns: int, publish_ns: int, seq: int, data: bytes, note: None) -> None:
-        whole(self, channel_id, log_ns, publish_ns, seq, data.replace(b"x", b"y"), note)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(segments.McapFile, "write", other)
+    monkeypatch.setattr(segments, "pack_records", other)
     pack([batch(1, 1, 1, [b"a"], 1)], robot_id="r1")
     with pytest.raises(CorruptObjectError, match="packed wrong"):
         pack([batch(1, 1, 1, [b"a", b"x"], 1)], robot_id="r1")
