@@ -52,6 +52,7 @@ class Ingress:
         self._open: weakref.WeakSet[ReadyQueue] = weakref.WeakSet()
         self._due_s: float | None = None  # when the leader's wait is over, if by time
         self._leader: ReadyQueue | None = None  # whose thread is taking an item: then nobody else may, or order is lost
+        self._sleepers = False  # whether anybody may be asleep: most contexts have one executor
         self._lock = threading.Lock()
         self._collected = 0
         self._stop = threading.Event()
@@ -177,12 +178,12 @@ class Ingress:
             ready_queue.wake()
 
     def _promote(self) -> None:
-        """Let one of those that sleep lead, where nobody does."""
-        if self._leader is None:
-            for ready_queue in self._open:
-                if ready_queue.asleep:
-                    ready_queue.wake()
-                    return
+        """Let one of those that sleep lead."""
+        for ready_queue in self._open:
+            if ready_queue.asleep:
+                ready_queue.wake()
+                return
+        self._sleepers = False
 
     # -- moving ----------------------------------------------------------------------------------------------------
 
@@ -193,27 +194,28 @@ class Ingress:
             while True:
                 with self._lock:
                     if ready_queue.ready or ready_queue.woken or (timeout_s is not None and timeout_s < 0):
+                        self._leave(ready_queue)
                         return
                     lead = self._leader is None or self._leader is ready_queue
                     if lead:
                         self._leader = ready_queue
                     else:
-                        ready_queue.asleep = True
+                        self._sleepers = ready_queue.asleep = True
                         if ready_queue.ingress is not self:
                             self._register(ready_queue)
-                if not (self._lead(timeout_s, deadline_s) if lead else ready_queue.signal.wait(timeout_s)):
+                if not lead and not ready_queue.signal.wait(timeout_s):
+                    timeout_s = -1.0
+                elif lead and self._lead(ready_queue, timeout_s, deadline_s):
                     return
-                if deadline_s is not None:
+                elif deadline_s is not None:
                     timeout_s = deadline_s - time.monotonic()
-        finally:
+        except BaseException:
             with self._lock:
-                ready_queue.woken = ready_queue.asleep = False
-                if self._leader is ready_queue:
-                    self._leader = None
-                self._promote()
+                self._leave(ready_queue)
+            raise
 
-    def _lead(self, timeout_s: float | None, deadline_s: float | None) -> bool:
-        """Sort what arrives next, and whatever came with it; False when nothing did.
+    def _lead(self, ready_queue: ReadyQueue, timeout_s: float | None, deadline_s: float | None) -> bool:
+        """Sort what arrives next, and whatever came with it; True when that ended the wait, or nothing came in time.
 
         Such a queue may wait for ever, see `metaros.concurrency.waiting`, and no other one has a `put` that is a C
         function. Two things prevent that: it has tried to take its lock before its time counts, so that it does wait;
@@ -221,18 +223,35 @@ class Ingress:
         """
         get = self.queue.get
         try:
-            try:
-                first = get(False)
-            except Empty:
-                self._due_s = deadline_s
-                first = get(True, timeout_s)
+            if timeout_s is None:
+                arrivals = [get()]
+            else:
+                try:
+                    arrivals = [get(False)]
+                except Empty:
+                    self._due_s = deadline_s
+                    arrivals = [get(True, timeout_s)]
         except Empty:
-            return False
+            arrivals = []
         finally:
             self._due_s = None
-        with self._lock:
-            self._sort([first, *self._arrived()], time.monotonic())
+        with self._lock:  # once: from here to the callback every step is a part of each message's latency
+            if arrivals:
+                if self.queue.qsize() or not self._sort_alone(arrivals[0]):
+                    arrivals.extend(self._arrived())
+                    self._sort(arrivals, looking=True)
+                if not ready_queue.ready and not ready_queue.woken:
+                    return False
+            self._leave(ready_queue)
         return True
+
+    def _leave(self, ready_queue: ReadyQueue) -> None:
+        """It waits no more; one of those that sleep leads, where nobody does."""
+        ready_queue.woken = ready_queue.asleep = False
+        if self._leader is ready_queue:
+            self._leader = None
+        if self._sleepers and self._leader is None:
+            self._promote()
 
     def collect(self, *, relief: bool = False) -> None:
         """Sort everything that has arrived into the mailboxes, without waiting. `relief`: for executors that do not."""
@@ -240,13 +259,13 @@ class Ingress:
             return
         with self._lock:
             if self._leader is None:
-                self._sort(self._arrived(), None if relief else time.monotonic())
+                self._sort(self._arrived(), looking=not relief)
 
     def _arrived(self) -> list[Any]:
         get = self.queue.get
         return [get() for _ in range(self.queue.qsize())]
 
-    def _sort(self, arrivals: Iterable[Any], now_s: float | None) -> None:
+    def _sort(self, arrivals: Iterable[Any], *, looking: bool) -> None:
         self._collected += 1
         routes, touched = self._routes, set()
         boxes: tuple[Mailbox, ...] = ()
@@ -278,7 +297,7 @@ class Ingress:
             elif box.depth is None or len(box.pending) <= box.depth:
                 box.trim()
             else:
-                box.trim(self._looking_s(ready_queue, now_s, len(box.pending) - box.depth))
+                box.trim(self._looking_s(ready_queue, len(box.pending) - box.depth) if looking else None)
                 if box.late_s:
                     self._late.add(box)
             if not box.queued:
@@ -286,9 +305,29 @@ class Ingress:
                 ready_queue.ready.append(box)
                 ready_queue.wake()
 
-    def _looking_s(self, ready_queue: ReadyQueue, now_s: float | None, excess: int) -> float | None:
+    def _sort_alone(self, item: Any) -> bool:
+        """Sort what came alone, for one empty mailbox, which then has nothing to trim; False where it is otherwise."""
+        if item is None:
+            return False
+        boxes: tuple[Mailbox, ...]
+        if type(item) is Addressed:
+            boxes, item = (item.start,), item.stop
+        else:
+            boxes = self._routes.get(item.key_expr, ())
+        if len(boxes) != 1 or (box := boxes[0]).queued or box.pending or box.channelled:
+            return False
+        box.pending.append(item)
+        box.queued = True
+        ready_queue = self._ready_queues.get(box.owner, self._unclaimed)
+        ready_queue.ready.append(box)
+        ready_queue.wake()
+        self._collected += 1
+        return True
+
+    def _looking_s(self, ready_queue: ReadyQueue, excess: int) -> float | None:
         """The time where its executor waits for work, or asked for some a moment ago; None: it is in a callback."""
-        if now_s is None or ready_queue is self._leader or ready_queue.asleep:
+        now_s = time.monotonic()
+        if ready_queue is self._leader or ready_queue.asleep:
             return now_s
         since_s = now_s - ready_queue.looked_s
         return now_s if since_s < (_LOOKS_S if excess < _FLOOD else _LOOKS_AMID_S) else None
