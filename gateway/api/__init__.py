@@ -127,7 +127,13 @@ def create_api(services: Services) -> ASGIApp:
     # As they are: `include_router` makes each anew, models and all, which takes the first request half a second.
     routes = [route for router in ROUTERS for route in router.routes]
     app = FastAPI(
-        title="Meta-ROS gateway", version="1", routes=routes, openapi_url=OPENAPI, docs_url=None, redoc_url=None
+        title="Meta-ROS gateway",
+        version="1",
+        routes=routes,
+        openapi_url=OPENAPI,
+        docs_url=None,
+        redoc_url=None,
+        telemetry={"tracing": False, "metrics": False, "logs": False},  # Measured and our traces are
     )
     app.state.services = services
     app.state.robot_rows = make_robot_rows(services)

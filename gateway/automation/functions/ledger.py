@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 BATCH = 512  # calls of one commit
-GATHER_S = 0.1  # for which calls wait for others
+GATHER_S = 0.25  # for which calls wait for others
 RETRY_S = 1.0
 PURGE_EVERY_S = 60.0
 LEARNT = 20_000  # calls of before the gateway began that its meters learn of

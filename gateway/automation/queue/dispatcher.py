@@ -112,10 +112,12 @@ class Dispatcher:
 
     async def scan(self) -> None:
         """Look through the store for targets that have something waiting. Raises StoreError."""
-        for kind in list(self.handlers):
-            after = self._scanned.get(kind, "")
-            job = functools.partial(table.ready, kind=kind, after=after, limit=SCAN)
-            rows = await read_snapshot(self._database, job)
+        wanted = {kind: self._scanned.get(kind, "") for kind in self.handlers}
+
+        def job(engine: StoreEngine) -> dict[str, list[Ready]]:
+            return {kind: table.ready(engine, kind=kind, after=after, limit=SCAN) for kind, after in wanted.items()}
+
+        for kind, rows in (await read_snapshot(self._database, job)).items():
             self._scanned[kind] = rows[-1].target if len(rows) == SCAN else ""
             self.notify(rows)
 

@@ -78,7 +78,9 @@ class RuleScheduler:
             except BaseException:
                 self._arranged = False
                 raise
-        return await self._fire_schedules() | await self._fire_timers()
+        now_ns = self._clock.wall_ns()
+        fires, timers = await self._due(now_ns)
+        return (fires and await self._fire_schedules(now_ns)) | (timers and await self._fire_timers(now_ns))
 
     async def next_fires(self) -> dict[str, NextFire]:
         """When each rule's schedule fires next, and fired last."""
@@ -122,8 +124,21 @@ class RuleScheduler:
 
         await self._database.run(job)
 
-    async def _fire_schedules(self) -> bool:
-        now_ns = self._clock.wall_ns()
+    async def _due(self, now_ns: int) -> tuple[bool, bool]:
+        """Whether a schedule is, and whether a timer is: a look before a write transaction is begun."""
+        sqls = (
+            "SELECT 1 FROM rule_fires WHERE next_ns > 0 AND next_ns <= ? LIMIT 1",
+            "SELECT 1 FROM rule_states WHERE due_ns > 0 AND due_ns <= ? LIMIT 1",
+        )
+
+        def job(engine: StoreEngine) -> tuple[bool, bool]:
+            with engine.transaction(write=False):
+                fires, timers = (bool(engine.fetch(sql, now_ns)) for sql in sqls)
+                return fires, timers
+
+        return await self._database.read(job)
+
+    async def _fire_schedules(self, now_ns: int) -> bool:
         most = self._limits.rule_catch_up
 
         def job(engine: StoreEngine) -> int:
@@ -144,30 +159,15 @@ class RuleScheduler:
             write_fires(engine, kept)
             return len(found)
 
-        if not await self._any("SELECT 1 FROM rule_fires WHERE next_ns > 0 AND next_ns <= ? LIMIT 1", now_ns):
-            return False
         return await self._database.run(job) == BATCH
 
-    async def _fire_timers(self) -> bool:
-        now_ns = self._clock.wall_ns()
-
+    async def _fire_timers(self, now_ns: int) -> bool:
         def job(engine: StoreEngine) -> int:
             rows = due_states(engine, now_ns=now_ns, limit=BATCH)
             self._engine.on_timers(engine, rows, now_ns)
             return len(rows)
 
-        if not await self._any("SELECT 1 FROM rule_states WHERE due_ns > 0 AND due_ns <= ? LIMIT 1", now_ns):
-            return False
         return await self._database.run(job) == BATCH
-
-    async def _any(self, sql: str, now_ns: int) -> bool:
-        """Look before a write transaction is begun."""
-
-        def job(engine: StoreEngine) -> bool:
-            with engine.transaction(write=False):
-                return bool(engine.fetch(sql, now_ns))
-
-        return await self._database.read(job)
 
 
 def missed(rule: Rule, first_ns: int, now_ns: int, *, most: int) -> tuple[list[int], int]:
