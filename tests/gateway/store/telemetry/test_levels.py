@@ -126,7 +126,7 @@ def test_a_level_goes_with_its_first_chunk(engine: StoreEngine, odd: tuple[Stamp
 
 
 def test_young_chunks_and_damaged_ones_have_no_level(engine: StoreEngine) -> None:
-    stamps, values = np.arange(ROWS) * S // 10, np.arange(ROWS) % 17.0
+    stamps, values = np.arange(ROWS) * S // 10, (np.arange(ROWS) % 17).astype(np.float64)
     put(engine, stamps, values, now_ns=NOW_NS - SETTLED_NS + 1)
     build(engine)
     assert held(engine) == []
