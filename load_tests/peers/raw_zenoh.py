@@ -1,17 +1,22 @@
 """Raw eclipse-zenoh: a declared publisher with blocking congestion control, and the default callback.
 
 Modes: `attachment` (33 bytes beside each payload, as every ROS 2 sample has), `bare`, `shm` (attachment, and Zenoh's
-own shared memory). All else is eclipse-zenoh's default, except that nobody but the other process is looked for.
+own shared memory), `tuned` (attachment, and what Meta-ROS sets: threads, queue, allocator: nothing that is built on
+eclipse-zenoh passes it). All else is eclipse-zenoh's default, except that nobody but the other process is looked for.
 """
 
 from __future__ import annotations
 
 import functools
 import json
+import os
 from collections.abc import Callable
 from typing import Any
 
 import zenoh
+
+from metaros.wire.allocator import keep_large_blocks
+from metaros.wire.session import QUEUE_BATCHES, ZENOH_THREADS
 
 __all__ = ["receiver", "sender"]
 
@@ -19,8 +24,9 @@ _ATTACHMENT = bytes(33)
 
 
 @functools.cache
-def _session(role: str, port: int, shared_memory: bool) -> zenoh.Session:
+def _session(role: str, port: int, mode: str) -> zenoh.Session:
     """The first process to start listens."""
+    shared_memory, tuned = mode == "shm", mode == "tuned"
     config = zenoh.Config()
     endpoint = json.dumps([f"tcp/127.0.0.1:{port}"])
     listens = role in {"subscriber", "echo"}
@@ -32,13 +38,17 @@ def _session(role: str, port: int, shared_memory: bool) -> zenoh.Session:
         "transport/shared_memory/mode": '"init"',
         "transport/shared_memory/transport_optimization/enabled": json.dumps(shared_memory),
     }
+    if tuned:
+        keep_large_blocks()
+        os.environ["ZENOH_RUNTIME"] = ZENOH_THREADS
+        settings["transport/link/tx/queue/size/data"] = json.dumps(QUEUE_BATCHES)
     for key, value in settings.items():
         config.insert_json5(key, value)
     return zenoh.open(config)
 
 
 def _session_of(job: dict[str, Any]) -> zenoh.Session:
-    return _session(job["role"], job["ports"][0], job["mode"] == "shm")
+    return _session(job["role"], job["ports"][0], job["mode"])
 
 
 def sender(job: dict[str, Any], topic: str) -> Callable[[], object]:

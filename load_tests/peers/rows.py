@@ -38,6 +38,7 @@ class UnknownRow(ValueError):
 ROWS = (
     Row(key="zenoh", peer="zenoh", label="zenoh, 33 B attachment", module="raw_zenoh", mode="attachment"),
     Row(key="zenoh-bare", peer="zenoh", label="zenoh, bare", module="raw_zenoh", mode="bare", quick=False),
+    Row(key="zenoh-tuned", peer="zenoh", label="zenoh, our settings", module="raw_zenoh", mode="tuned", quick=False),
     Row(key="zenoh-shm", peer="zenoh", label="zenoh, shared memory", module="raw_zenoh", mode="shm", smallest=_LARGE),
     Row(key="metaros-executor", peer="metaros", label="metaros typed", module="metaros_two", mode="executor"),
     Row(key="metaros-all", peer="metaros", label="metaros typed, keep-all", module="metaros_two", mode="executor-all"),

@@ -18,7 +18,7 @@ import zenoh
 
 from metaros.errors import ConfigError
 from metaros.wire.profile import make_profile
-from metaros.wire.session import DEFAULT_PORT, insert_setting
+from metaros.wire.session import DEFAULT_PORT, QUEUE_BATCHES, insert_setting
 
 __all__ = ["PortState", "Router", "open_router", "other_routers", "probe"]
 
@@ -29,6 +29,8 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "scouting/delay": 0,  # it scouts for nobody, so open need not wait half a second for answers
     "timestamping/enabled": True,
     "transport/link/tx/lease": 3000,
+    "transport/link/tx/queue/size/data": QUEUE_BATCHES,
+    "transport/link/tx/queue/size/data_low": QUEUE_BATCHES,
     "queries_default_timeout": 600_000,
 }
 _CONNECT_S: Final = 0.3

@@ -26,12 +26,21 @@ from metaros.wire.distribution import writes_hashes
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool
 
-__all__ = ["WireSession", "default_endpoint", "domain_from", "session_config"]
+__all__ = [
+    "QUEUE_BATCHES",
+    "ZENOH_THREADS",
+    "WireSession",
+    "default_endpoint",
+    "domain_from",
+    "session_config",
+]
 
 DEFAULT_PORT: Final = 7447
-_RUNTIME: Final = (
+ZENOH_THREADS: Final = (
     "(rx: (worker_threads: 1), acc: (handover: rx), app: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
 )
+# Of 64 KiB each. With Zenoh's own 2 a message of 1 MiB, which is 17, passes the thread that sends pair by pair.
+QUEUE_BATCHES: Final = 16
 _LINK_WAIT_S: Final = 0.5  # what Zenoh itself would wait in open(); a session that finds nothing goes on alone
 _SETTINGS: Final[Mapping[str, object]] = {
     "mode": "peer",
@@ -47,6 +56,8 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "timestamping/enabled": True,  # caches of transient_local publishers need stamped samples
     "queries_default_timeout": 600_000,
     "transport/link/tx/lease": 3000,  # so that a hung process leaves the graph in seconds, not a minute
+    "transport/link/tx/queue/size/data": QUEUE_BATCHES,
+    "transport/link/tx/queue/size/data_low": QUEUE_BATCHES,
     "transport/shared_memory/enabled": False,
 }
 _SHARED_MEMORY: Final[Mapping[str, object]] = {
@@ -137,7 +148,7 @@ def _runtime_threads() -> Iterator[None]:
     if "ZENOH_RUNTIME" in os.environ:
         yield
         return
-    os.environ["ZENOH_RUNTIME"] = _RUNTIME
+    os.environ["ZENOH_RUNTIME"] = ZENOH_THREADS
     try:
         yield
     finally:

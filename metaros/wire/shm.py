@@ -55,8 +55,10 @@ def locks_without_limit() -> bool:
 
     The capability that counts is the host's, not that of a user namespace, so this tries: one page over the limit.
     """
+    if sys.platform != "linux":
+        return False
     import mmap
-    import resource  # there is none on Windows
+    import resource
 
     limit_bytes = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     if limit_bytes == resource.RLIM_INFINITY:

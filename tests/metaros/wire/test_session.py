@@ -32,6 +32,9 @@ def test_a_session_is_set_up_as_rmw_zenoh_sets_up_its_own():
         "scouting/gossip/enabled": "true",
         "timestamping/enabled": "true",
         "transport/shared_memory/enabled": "false",
+        "transport/link/tx/queue/size/data": "16",
+        "transport/link/tx/queue/size/data_low": "16",
+        "transport/link/tx/queue/size/real_time": "2",
     }.items():
         assert str(config.get_json(key)).strip('"').lower() == value.strip('"'), key
     assert "localhost:7447" in str(config.get_json("connect/endpoints"))

@@ -44,7 +44,7 @@ def test_who_may_lock_little_does_without_and_is_told(monkeypatch, caplog):
 def test_a_limit_counts_for_who_has_no_capability():
     """As an ordinary user: this one, or nobody where the tests run as root."""
     lines = (
-        "import os, resource, sys",
+        "import mmap, os, resource, sys",
         "from metaros.wire.shm import locks_without_limit",
         "if os.geteuid() == 0: os.setgroups([]); os.setgid(65534); os.setuid(65534)",
         "resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]))",
