@@ -7,11 +7,10 @@ carry nothing more; of a stream one at a time is followed. Everything here is on
 from __future__ import annotations
 
 import random  # noqa: TID251 - the type only; the generator is an argument
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
-
-import numpy as np
 
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -84,12 +83,12 @@ class Tracer:
         mark = self._marks.get(stream_id & CHANNEL_MASK)
         if mark is None:
             return b""
-        found = np.flatnonzero(np.frombuffer(stamps, "<i8") == mark.stamp_ns)
-        if not len(found):
+        found = struct.unpack(f"<{len(stamps) // 8}q", stamps)
+        if mark.stamp_ns not in found:
             return b""
         del self._marks[stream_id & CHANNEL_MASK]
         trace = link_pb2.SampleTrace(
-            seq=first_seq + int(found[0]),
+            seq=first_seq + found.index(mark.stamp_ns),
             traceparent=f"00-{self._rng.getrandbits(128) or 1:032x}-{self._rng.getrandbits(64) or 1:016x}-01",
             tapped_ns=mark.tapped_ns,
             taken_ns=mark.taken_ns,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-
-import numpy as np
 
 from edge_agent.outbox.segment import Frame, Gap, Kind
 from metaros._proto import link_pb2
@@ -186,8 +185,8 @@ def samples_body(run: list[Sample]) -> bytes:
     """The columns of a Batch, as protobuf fields without its numbers."""
     stamps, payloads = zip(*run, strict=True)
     return link_pb2.Batch(
-        stamps=np.asarray(stamps, "<i8").tobytes(),
-        lengths=np.fromiter(map(len, payloads), "<u4", len(payloads)).tobytes(),
+        stamps=struct.pack(f"<{len(stamps)}q", *stamps),
+        lengths=struct.pack(f"<{len(payloads)}I", *map(len, payloads)),
         payload=b"".join(payloads),
     ).SerializeToString()
 
@@ -196,9 +195,9 @@ def rows_body(run: list[Sample]) -> tuple[Kind, bytes]:
     """The columns of a MetricBatch, as protobuf fields without its numbers."""
     rows = [data for _, data in run]
     body = link_pb2.MetricBatch(
-        series_ids=np.asarray([row[0] for row in rows], "<u4").tobytes(),
-        stamps=np.asarray([stamp for stamp, _ in run], "<i8").tobytes(),
-        values=np.asarray([row[1] for row in rows], "<f8").tobytes(),
+        series_ids=struct.pack(f"<{len(rows)}I", *(row[0] for row in rows)),
+        stamps=struct.pack(f"<{len(run)}q", *(stamp for stamp, _ in run)),
+        values=struct.pack(f"<{len(rows)}d", *(row[1] for row in rows)),
     ).SerializeToString()
     return Kind.METRICS, body
 

@@ -6,8 +6,7 @@ A robot whose topics come and go gathers series; without this, one day its table
 from __future__ import annotations
 
 import logging
-
-import numpy as np
+import struct
 
 from edge_agent.errors import DiskError
 from edge_agent.outbox.disk import Disk
@@ -51,5 +50,5 @@ def held_series(outbox: Outbox, disk: Disk) -> set[int] | None:
         for frame in found.frames:
             if frame.kind is Kind.METRICS:
                 batch = link_pb2.MetricBatch.FromString(frame.body)
-                held.update(np.unique(np.frombuffer(batch.series_ids, "<u4")).tolist())
+                held.update(struct.unpack(f"<{len(batch.series_ids) // 4}I", batch.series_ids))
     return held

@@ -6,15 +6,21 @@ has one Reassembler, dropped with the lane: pieces never outlive a connection.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
+from metaros.lazy_import import LazyModule
 from metaros.limits import LIMITS, Limits
 from metaros.link.columns import CHANNEL_MASK, LENGTH, STAMP, SampleColumns, check_run, column, unpack_batch
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = LazyModule("numpy")
 
 __all__ = ["Reassembler", "split_sample"]
 
@@ -31,8 +37,8 @@ def split_sample(
             epoch=epoch,
             first_seq=seq,
             count=1,
-            stamps=np.asarray([stamp_ns], STAMP).tobytes(),
-            lengths=np.asarray([len(payload)], LENGTH).tobytes(),
+            stamps=struct.pack("<q", stamp_ns),
+            lengths=struct.pack("<I", len(payload)),
             payload=payload[index * size : (index + 1) * size],
             chunk_index=index if pieces > 1 else 0,
             chunk_count=pieces if pieces > 1 else 0,

@@ -6,16 +6,21 @@ Packing joins what the agent holds; unpacking gives views into the frame and cop
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any
 
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
+from metaros.lazy_import import LazyModule
 from metaros.limits import LIMITS, Limits
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+else:
+    np = LazyModule("numpy")  # who only packs, as an agent, does without it
 
 __all__ = [
     "BACKFILL_BIT",
@@ -28,12 +33,7 @@ __all__ = [
     "unpack_metrics",
 ]
 
-Scalar = TypeVar("Scalar", bound=np.generic)
-
-STAMP = np.dtype("<i8")
-LENGTH = np.dtype("<u4")
-SERIES = np.dtype("<u4")
-VALUE = np.dtype("<f8")
+STAMP, LENGTH, SERIES, VALUE = "<i8", "<u4", "<u4", "<f8"
 BACKFILL_BIT = 1 << 31  # in the id of a stream of the back-fill lane; the rest is its channel's
 CHANNEL_MASK = BACKFILL_BIT - 1
 MAX_SEQ = 2**63 - 1  # fits SQL's signed integers
@@ -115,8 +115,8 @@ def pack_batch(
         epoch=epoch,
         first_seq=first_seq,
         count=len(payloads),
-        stamps=np.asarray(stamps_ns, STAMP).tobytes(),
-        lengths=np.fromiter(map(len, payloads), LENGTH, len(payloads)).tobytes(),
+        stamps=struct.pack(f"<{len(stamps_ns)}q", *stamps_ns),
+        lengths=struct.pack(f"<{len(payloads)}I", *map(len, payloads)),
         payload=b"".join(payloads),
     )
 
@@ -196,8 +196,9 @@ def check_run(first_seq: int, count: int, limits: Limits) -> None:
         raise FrameError(f"sequence number {first_seq} is out of range")
 
 
-def column(data: bytes, dtype: np.dtype[Scalar], count: int, name: str) -> npt.NDArray[Scalar]:
+def column(data: bytes, dtype: str, count: int, name: str) -> npt.NDArray[Any]:
     """A read-only view of `count` little-endian values."""
-    if len(data) != count * dtype.itemsize:
-        raise FrameError(f"column {name} has {len(data)} bytes, {count} values need {count * dtype.itemsize}")
+    size = count * int(dtype[-1])
+    if len(data) != size:
+        raise FrameError(f"column {name} has {len(data)} bytes, {count} values need {size}")
     return np.frombuffer(data, dtype)

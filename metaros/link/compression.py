@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-import zstandard
+from typing import TYPE_CHECKING
 
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
+from metaros.lazy_import import LazyModule
 from metaros.limits import LIMITS, Limits
+
+if TYPE_CHECKING:
+    import numpy as np
+    import zstandard
+else:
+    np, zstandard = LazyModule("numpy"), LazyModule("zstandard")
 
 __all__ = ["compress", "decompress"]
 
