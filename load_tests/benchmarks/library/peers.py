@@ -178,7 +178,7 @@ def main(argv: Sequence[str] = ()) -> int:
         parser.error(str(error))
     for goal in GOALS if not options.markdown else ():
         if (figure := goal.figure(results)) is not None:
-            note(goal.text, [figure[0]])
+            note(goal.text, goal.each(results) or [figure[0]])
     if options.markdown:
         print(as_markdown(results), end="")
     else:

@@ -29,7 +29,7 @@ def test_ratio_of_nothing_is_nothing() -> None:
     assert ratio(1.0, 4.0) == 0.25
 
 
-@pytest.mark.parametrize(("rate", "expected"), [(50.0, ("0.50", True)), (49.9, ("0.50", False))])
+@pytest.mark.parametrize(("rate", "expected"), [(55.0, ("0.55", True)), (54.9, ("0.55", False))])
 def test_a_limit_is_judged_before_rounding(rate: float, expected: tuple[str, bool]) -> None:
     results = results_with(zenoh=100.0, metaros_dedicated=rate)
     assert verdict(results, "dedicated, typed 64 B, of raw") == expected
@@ -51,7 +51,17 @@ def test_the_worst_round_trip_names_its_size() -> None:
     for size, ours in ((64, 90.0), (1024, 150.0)):
         results.cell(size, "zenoh").add("ping", {"p50_us": 100.0})
         results.cell(size, "metaros-executor").add("ping", {"p50_us": ours})
-    assert verdict(results, "RTT p50, shared executor") == ("1.50 at 1 KiB", False)
+    assert verdict(results, "RTT p50, shared executor, of raw: worst size") == ("1.50 at 1 KiB", False)
+
+
+def test_a_ratio_has_a_figure_a_round() -> None:
+    results = results_with()
+    for ours, raw in ((90.0, 100.0), (150.0, 100.0)):
+        results.cell(64, "zenoh").add("ping", {"p50_us": raw})
+        results.cell(64, "metaros-executor").add("ping", {"p50_us": ours})
+    (goal,) = (goal for goal in GOALS if goal.text == "RTT p50, shared executor, 64 B, of raw")
+    assert goal.each(results) == [0.9, 1.5]
+    assert goal.each(results_with()) == []
 
 
 def test_without_figures_nothing_is_reached_or_missed() -> None:
