@@ -6,8 +6,9 @@ The agent, held to one core, taps ten topics of 10 Hz (odometry, scan, IMU, batt
 gateway on the same machine, where a viewer takes them; the publishers are another process. *Resident* is what the
 kernel says of the process (`smaps_rollup`: RSS, shared libraries counted whole) and what its black box holds in memory
 when its five minutes are full, as far as it has grown by then. *Written* is what the process made the kernel write
-(`/proc/PID/io`), black box in memory left out, for an hour of the same. Before that the same is measured with nobody
-watching, and that is the figure of what is written: a robot is watched for a while. The floor is a bare Python with eclipse-zenoh and grpc.aio, a session and a channel open. Linux only.
+(`/proc/PID/io`), for an hour of the same; the file system's journal comes on top. Before that the same is measured with
+nobody watching, and that is the figure of what is written: a robot is watched for a while. The floor is a bare Python
+with eclipse-zenoh and grpc.aio, a session and a channel open. Linux only.
 """
 
 from __future__ import annotations
