@@ -9,7 +9,8 @@ on the event loop that a gateway has. The emulator is made for one call at a tim
 many calls fail, and it starts anew for each round. What it serves is AWS's Invoke, so the gateway is compared by its
 own Invoke, signature and sandbox included, one client each. A call by REST is answered when its row of the audit log is
 on the disk, and an event when it is in the queue, on the disk: they are told beside it. Bare are a forked process that
-echoes JSON over a socket pair, and an interpreter that imports AWS's client and ends: nobody comes below those. Cold
+echoes JSON over a socket pair, uvicorn with our engine and nothing between, and an interpreter that imports AWS's
+client and ends: nobody comes below those. Cold
 starts and memory are of workers that have answered nothing else. 1 is returned when a goal of the table is missed.
 """
 
@@ -27,6 +28,7 @@ from pathlib import Path
 from gateway.main import new_event_loop
 from load_tests.figures import note
 from load_tests.functions.bare import cold_interpreters, echo_json
+from load_tests.functions.bare_server import running_bare_server
 from load_tests.functions.clients import call_in_parallel, call_one_by_one
 from load_tests.functions.engine_side import call_engine, cold_starts, running_engine, spec_of, worker_bytes
 from load_tests.functions.figures import Calls, median, spread
@@ -76,6 +78,12 @@ def _gateway_round(functions: Functions, calls: int, rows: Rows) -> None:
     )
 
 
+def _bare_round(folder: Path, code: Path, calls: int, rows: Rows) -> None:
+    with running_bare_server(folder, code) as endpoint:
+        call_one_by_one(endpoint, 20)
+        rows["bare uvicorn and engine"].append(call_one_by_one(endpoint, calls))
+
+
 def _rie_round(code: Path, calls: int, rows: Rows) -> None:
     with running_rie(code, "app.handler") as endpoint:
         call_one_by_one(endpoint, 20)
@@ -120,6 +128,7 @@ def _goals(rows: Rows, more: dict[str, list[float]]) -> bool:
     note("failures with 16 clients", [c.failed for c in many], peer=[c.failed for c in rie_many])
     note("p99, engine", [calls.p99_ms for calls in one], peer=[calls.p99_ms for calls in rie])
     ways = {"engine": one, "gateway": rows["gateway, Invoke"], "gateway, audited REST": rows["gateway, REST"]}
+    ways["bare uvicorn and engine"] = rows["bare uvicorn and engine"]
     for name, ours in ways.items():
         if rie:
             note(f"p99, AWS RIE ÷ {name}", [a.p99_ms / b.p99_ms for a, b in zip(rie, ours, strict=True)])
@@ -167,6 +176,7 @@ def main(argv: Sequence[str] = ()) -> int:
             with asyncio.Runner(loop_factory=new_event_loop) as runner:
                 level = runner.run(_engine_round(Path(folder) / "engine", code, calls, rows, more))
             _gateway_round(functions, calls, rows)
+            _bare_round(Path(folder) / "bare", code, calls, rows)
             try:
                 _rie_round(code, calls, rows)
             except HomeFailed as error:
