@@ -138,7 +138,7 @@ GOALS: tuple[Goal, ...] = (
     Goal(benchmark="delivery", figure="samples, SQLite", unit="/s", least=150_000, peer="outbox alone", less=False),
     Goal(benchmark="delivery", figure="samples, PostgreSQL", unit="/s", least=150_000, peer="outbox alone", less=False),
     Goal(benchmark="delivery", figure="live p99, beside 60,000 durable/s", unit="ms", most=10),
-    Goal(benchmark="ingest", figure="rows", unit="/s", less=False),
+    Goal(benchmark="ingest", figure="rows", unit="/s", least=1_500_000, less=False),
     Goal(benchmark="ingest", figure="samples", unit="/s", less=False),
     *(
         Goal(benchmark="history", figure=f"p95 of a day in 1000 buckets, {shape}", unit="ms", most=25)
@@ -146,6 +146,8 @@ GOALS: tuple[Goal, ...] = (
     ),
     Goal(benchmark="storage", figure="every message, sim, of raw CDR", unit="×", peer="rosbags MCAP with zstd"),
     Goal(benchmark="storage", figure="every message, intel, of raw CDR", unit="×", peer="rosbags MCAP with zstd"),
+    Goal(benchmark="storage", figure="every message, sim, of the MCAP file", unit="×", most=1),
+    Goal(benchmark="storage", figure="every message, intel, of the MCAP file", unit="×", most=1),
     *(Goal(benchmark="attacks", figure=f"{attack}: p99 with ÷ without", unit="×", most=2) for attack in _ATTACKS),
     Goal(benchmark="fanout", figure=f"64 B to 100, 1 ms: CPU of {_SDK} ÷ ours", unit="×", least=2, less=False),
     Goal(benchmark="fanout", figure=f"64 B to 100, 5 ms: CPU of {_SDK} ÷ ours", unit="×", least=5, less=False),

@@ -265,6 +265,7 @@ def report(name: str, messages: Sequence[Message], folder: Path) -> None:
         found = measure(messages, place, rules)
         size = found.database + found.objects
         note(f"{title}, {name}, of raw CDR", [size / raw], peer=[bag / raw])
+        note(f"{title}, {name}, of the MCAP file", [size / bag])
         print(
             f"{'store, ' + title:<28}{size * hour:>12,.1f}{size / raw:>12.3f}{found.messages:>12,}{found.rows:>10,}"
             f"{found.database * hour:>9,.1f} MB{found.objects * hour:>9,.1f} MB",
