@@ -1,7 +1,8 @@
 """How fast one gateway takes in what robots send, durable to the acknowledgement: rows of series and opaque samples.
 
 A gateway process, and in this process robots that keep a window of batches in flight over real gRPC. A run ends when
-the last batch is acknowledged, that is, after its commit was synced. CPU is the gateway's own.
+the last batch is acknowledged, that is, after its commit was synced. CPU is the gateway's own. In turns with it a bare
+gRPC server acknowledges the same frames and does nothing with them: no gateway in Python passes that.
 
     python -m load_tests ingest [--robots 4] [--seconds 3] [--rounds 5]
 """
@@ -111,17 +112,45 @@ def _frame(kind: str, per_batch: int) -> tuple[link_pb2.AgentFrame, Any]:
     return frame, frame.batches.batches[0]
 
 
-def start_gateway(folder: Path) -> tuple[subprocess.Popen[bytes], str]:
-    """A gateway process and where robots reach it."""
+def start_server(folder: Path, *, bare: bool) -> tuple[subprocess.Popen[bytes], str]:
+    """A gateway process, or the bare server's, and where robots reach it."""
     status = folder / "status.json"
     command = [sys.executable, "-c", GATEWAY, "gateway", "--port", "0", "--grpc-port", "0"]
     command += ["--robot-messages-per-s", "0", "--robot-bytes-per-s", "0"]
-    process = subprocess.Popen(
-        [*command, "--data-dir", str(folder / "data"), "--status-file", str(status)], stdout=subprocess.DEVNULL
-    )
+    command += ["--data-dir", str(folder / "data"), "--status-file", str(status)]
+    if bare:
+        command = [sys.executable, "-m", "load_tests.benchmarks.gateway.ingest", "--bare", str(status)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     while not status.exists():
         time.sleep(0.05)
     return process, f"127.0.0.1:{json.loads(status.read_text())['grpc_port']}"
+
+
+class Bare(link_pb2_grpc.LinkServicer):
+    """Acknowledges what comes, and stores nothing."""
+
+    async def Connect(self, request_iterator: Any, context: Any) -> None:
+        """One lane."""
+        async for frame in request_iterator:
+            kind = frame.WhichOneof("frame")
+            if kind == "hello":
+                await context.write(link_pb2.GatewayFrame(welcome=link_pb2.Welcome()))
+            elif kind != "announce":
+                batch = frame.metrics if kind == "metrics" else frame.batches.batches[0]
+                seq = batch.first_seq + batch.count - 1
+                mark = link_pb2.Watermark(stream_id=batch.stream_id, epoch=batch.epoch, seq=seq)
+                await context.write(link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=[mark])))
+
+
+async def serve_bare(status: Path) -> None:
+    """The bare server, until it is ended."""
+    server = grpc.aio.server()
+    link_pb2_grpc.add_LinkServicer_to_server(Bare(), server)
+    port = server.add_insecure_port("127.0.0.1:0")
+    await server.start()
+    status.with_suffix(".new").write_text(json.dumps({"grpc_port": port}))
+    status.with_suffix(".new").rename(status)
+    await server.wait_for_termination()
 
 
 async def one_round(
@@ -142,21 +171,23 @@ async def one_round(
 
 async def measure(kind: str, per_batch: int, *, robots: int, seconds: float, rounds: int) -> None:
     """Some rounds, each with a new gateway and store; prints medians with their spread."""
-    walls, cores = [], []
-    for _ in range(rounds):
+    walls: dict[bool, list[float]] = {False: [], True: []}
+    cores = []
+    for bare in [False, True] * rounds:
         with tempfile.TemporaryDirectory() as folder:
-            process, target = await asyncio.to_thread(start_gateway, Path(folder))
+            process, target = await asyncio.to_thread(start_server, Path(folder), bare=bare)
             try:
                 wall, core = await one_round(kind, process, target, robots=robots, seconds=seconds, per_batch=per_batch)
             finally:
                 process.terminate()
                 await asyncio.to_thread(process.wait, 10)
-        walls.append(wall)
-        cores.append(core)
-    note(kind, walls)
+        walls[bare].append(wall)
+        cores += [core] if not bare else []
+    note(kind, walls[False], peer=walls[True])
     print(
-        f"{kind}: {statistics.median(walls):,.0f}/s by the clock ({min(walls):,.0f} to {max(walls):,.0f}), "
-        f"{statistics.median(cores):,.0f} a second of gateway CPU; batches of {per_batch}, {robots} robots"
+        f"{kind}: {statistics.median(walls[False]):,.0f}/s by the clock ({min(walls[False]):,.0f} to "
+        f"{max(walls[False]):,.0f}), {statistics.median(cores):,.0f} a second of gateway CPU; "
+        f"bare gRPC {statistics.median(walls[True]):,.0f}/s; batches of {per_batch}, {robots} robots"
     )
 
 
@@ -172,7 +203,11 @@ def main(argv: Sequence[str] = ()) -> int:
     parser.add_argument("--robots", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=3.0)
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--bare", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args(list(argv))
+    if options.bare is not None:
+        asyncio.run(serve_bare(options.bare))
+        return 0
     asyncio.run(measure_all(robots=options.robots, seconds=options.seconds, rounds=options.rounds))
     return 0
 
