@@ -182,7 +182,8 @@ class SingleThreadedExecutor:
             if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
                 return False
             ingress.wait(self._ready_queue, wait_s)
-            if not self._ready_queue.ready and (self._ends() or self._wants_loop(ingress)):
+            # A stopped executor runs nothing of what is ready, which stays: without asking it would turn for ever.
+            if self._ends() or (not self._ready_queue.ready and self._wants_loop(ingress)):
                 return True
         return True
 

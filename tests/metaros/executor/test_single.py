@@ -54,6 +54,22 @@ def test_items_reach_every_listener_of_their_key_in_order(node, executor):
     assert node.ingress.unrouted == 1
 
 
+def test_a_stop_together_with_a_message_ends_the_spin_and_leaves_the_message(node, executor, monkeypatch):
+    got: list[int] = []
+    node.listen("a", lambda item: got.append(item.value))
+    wait = node.ingress.wait
+
+    def wait_for_both(ready_queue, timeout_s):
+        node.ingress.put(Item("a", 1))
+        while not ready_queue.ready:
+            wait(ready_queue, timeout_s)
+        executor.shutdown()
+
+    monkeypatch.setattr(node.ingress, "wait", wait_for_both)
+    executor.spin()
+    assert got == []
+
+
 def test_spin_once_waits_only_as_long_as_reported(executor):
     assert executor.spin_once(0.01) is False
 
