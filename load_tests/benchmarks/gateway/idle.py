@@ -4,7 +4,8 @@
 
 All of it runs on this machine; no browser is open, and nothing is asked while it is measured. CPU time is what the
 kernel gave each process with all its threads (`/proc/PID/stat`), in percent of one core; of the agents the worst
-counts. Each round is a window of the same run. Linux only.
+counts. The floor, which no agent in Python can be below, is a bare eclipse-zenoh subscriber of all that the first robot
+publishes, which forgets it once a second. Each round is a window of the same run. Linux only.
 """
 
 from __future__ import annotations
@@ -28,6 +29,18 @@ __all__ = ["cpu_s", "main", "processes_of"]
 
 PATIENCE_S = 120.0
 LOOK_S = 0.1
+FLOOR = """
+import queue, time, zenoh
+came = queue.SimpleQueue()
+text = '{mode: "peer", connect: {endpoints: ["tcp/127.0.0.1:%s"]}, scouting: {multicast: {enabled: false}}}'
+session = zenoh.open(zenoh.Config.from_json5(text))
+subscriber = session.declare_subscriber("0/sim_1/**", came.put)
+while True:
+    time.sleep(1)
+    print(came.qsize(), flush=True)
+    while not came.empty():
+        came.get()
+"""
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
@@ -57,7 +70,8 @@ def _up(folder: Path, robots: int) -> Iterator[dict[str, int]]:
     """Everything, ready; its processes by name."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("METAROS_", "PYTHON"))}
     own = {"HOME": str(folder), "METAROS_RUNTIME_DIR": str(folder / "run")}
-    ports = [f"--{name}={free_port()}" for name in ("port", "grpc-port", "zenoh-port")]
+    zenoh = free_port()
+    ports = [f"--zenoh-port={zenoh}", *(f"--{name}={free_port()}" for name in ("port", "grpc-port"))]
     command = [sys.executable, "-m", "metaros", "up", f"--robots={robots}", "--data-dir", str(folder / "data"), *ports]
     out = folder / "out"
     with out.open("wb") as file:
@@ -68,7 +82,13 @@ def _up(folder: Path, robots: int) -> Iterator[dict[str, int]]:
             if process.poll() is not None or time.monotonic() > end_s:
                 raise RuntimeError(f"metaros up did not start: {out.read_text()[-2000:]}")
             time.sleep(LOOK_S)
-        yield {"up": process.pid, **processes_of(process.pid)}
+        floor = subprocess.Popen([sys.executable, "-c", FLOOR % zenoh], stdout=subprocess.PIPE)
+        try:
+            yield {"up": process.pid, "floor": floor.pid, **processes_of(process.pid)}
+        finally:
+            floor.kill()
+            said = floor.communicate()[0].split()
+            print(f"the floor took {statistics.median(map(int, said)) if said else 0:g} samples a second")
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE_S)
@@ -101,7 +121,7 @@ def main(argv: Sequence[str] = ()) -> int:
         shares = [one[process] for one in rounds]
         print(f"{process:<28}{statistics.median(shares):>8.2f}{min(shares):>8.2f}{max(shares):>8.2f}")
     worst = [max(share for process, share in one.items() if process.startswith("agent sim_")) for one in rounds]
-    note("an agent, nobody watching", worst)
+    note("an agent, nobody watching", worst, peer=[one["floor"] for one in rounds])
     note("the gateway, nobody watching", [one["gateway"] for one in rounds])
     note("the simulator, nobody watching", [one["sim"] for one in rounds])
     print(f"worst agent {statistics.median(worst):.2f} %; {options.rounds} rounds of {options.seconds:g} s")
