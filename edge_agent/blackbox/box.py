@@ -195,7 +195,7 @@ class BlackBox:
                     ring.keep()
         self._all_that_waits(ring)
         if ring is not None:
-            ring.keep()
+            ring.end()
 
     def _all_that_waits(self, ring: Ring | None) -> None:
         with self._lock:

@@ -16,7 +16,7 @@ from typing import Final
 
 from edge_agent.errors import DiskError
 
-__all__ = ["KEPT_IN_MEMORY", "memory_folder", "move_to_disk"]
+__all__ = ["KEPT_IN_MEMORY", "forget_memory", "memory_folder", "move_to_disk"]
 
 LOG = logging.getLogger("metaros.agent.black_box")
 SHARED_MEMORY: Final = Path("/dev/shm")
@@ -66,6 +66,13 @@ def move_to_disk(path: Path, folder: Path) -> Path:
         draft.unlink(missing_ok=True)
         raise DiskError(f"cannot keep {path.name}: {error.strerror or error}") from error
     return target
+
+
+def forget_memory(folder: Path, disk_folder: Path) -> None:
+    """Nothing is kept in memory any more."""
+    shutil.rmtree(folder, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        (disk_folder / KEPT_IN_MEMORY).unlink(missing_ok=True)
 
 
 def _forget_orphans(base: Path, prefix: str) -> None:

@@ -20,7 +20,7 @@ from typing import BinaryIO, Final
 
 from edge_agent.blackbox.latched import retire_latched
 from edge_agent.blackbox.mcap_reader import DEPTH_KEY, latched_channels
-from edge_agent.blackbox.memory import move_to_disk
+from edge_agent.blackbox.memory import forget_memory, move_to_disk
 from edge_agent.blackbox.publisher import RecordedPublisher
 from edge_agent.errors import DiskError
 from edge_agent.forwarding.channels import Channel
@@ -185,6 +185,12 @@ class Ring:
                 except DiskError as error:
                     LOG.warning("the black box stays in memory: %s", error)
                     return
+
+    def end(self) -> None:
+        """The agent ends in order: all is on disk, and the memory is given back."""
+        self.keep()
+        if self._folder != self._disk and not any(self._folder.glob("[0-9]*.mcap")):
+            forget_memory(self._folder, self._disk)
 
     def close_file(self, *, index: bool = True) -> None:
         """End the open file, with its index; without it the file is read as that of a killed agent."""
