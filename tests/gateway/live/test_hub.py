@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gateway.domain.records import HEADER, Record, record_parts, split_records
 from gateway.errors import InvalidRequestError, TooManyError
 from gateway.live.feeds import Feeds, FleetSubscription, MetricSubscription
+from gateway.live.viewer import Viewer
 from metaros.errors import FrameError
 from metaros.idl.globs import Glob
 from metaros.limits import Limits
@@ -142,6 +143,31 @@ def test_a_slow_viewer_holds_nobody_up_and_its_subscriptions_take_turns() -> Non
     for _ in range(4):
         slow.reopen(takes=1)
     assert sorted(sub for sub, _, _ in rig.got(slow)) == [1, 1, 1, 2, 2]
+
+
+def test_who_comes_goes_or_waits_between_two_ticks_gets_its_own_and_no_more() -> None:
+    rig, slow, late = Rig(make_subscription()), ListSink(takes=1), ListSink()
+    rig.join(slow).subscribe(make_subscription())
+    leaving: list[Viewer] = []
+    got: list[tuple[list[int], ...]] = []
+    for seq in range(1, 7):
+        if seq == 4:
+            slow.reopen()
+            leaving.append(rig.join(late))
+            leaving[0].subscribe(make_subscription())
+        if seq == 6:
+            leaving[0].close()
+        rig.hub.publish(make_run(seq, [b"x"]))
+        rig.pass_time(0.005)
+        got.append(tuple([number for _, number, _ in rig.got(sink)] for sink in (rig.sink, slow, late)))
+    assert got == [
+        ([1], [1], []),
+        ([2], [], []),
+        ([3], [], []),
+        ([4], [2, 3, 4], [4]),
+        ([5], [5], [5]),
+        ([6], [6], []),
+    ]
 
 
 def test_one_sample_larger_than_the_queue_still_passes() -> None:
