@@ -48,9 +48,10 @@ async def test_json_in_and_out(bench: Bench) -> None:
 
 
 async def test_the_second_call_is_warm(bench: Bench) -> None:
-    spec = bench.spec("import os\ndef handler(e, c):\n    return os.getpid()\n")
+    spec = bench.spec("import gc, os\non = gc.isenabled()\ndef handler(e, c):\n    return on, os.getpid()\n")
     first, second = await bench.invoke(spec), await bench.invoke(spec)
     assert first.payload == second.payload
+    assert json.loads(first.payload)[0]  # also where the interpreter starts without
     assert first.init_ms > 0
     assert second.init_ms == 0
     assert "Init Duration" in first.log.decode()
