@@ -26,6 +26,7 @@ LIBRARY = {
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "ros2": "programs written for rclpy beside native nodes; their time to the first message beside import numpy",
+    "shared_memory": "who loses messages by bare eclipse-zenoh's shared memory, and what restarts leave behind",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "start": "how long programs take to start, beside python -c pass and another copy of this repository",
     "timer": "how late timers are called, per executor",

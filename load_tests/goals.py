@@ -133,6 +133,10 @@ GOALS: tuple[Goal, ...] = (
     Goal(benchmark="broker", figure="64 B, hub ÷ zmq.proxy", unit="×", least=1, less=False),
     Goal(benchmark="broker", figure="64 B, hub, a node listening ÷ zmq.proxy", unit="×", less=False),
     Goal(benchmark="broker", figure="64 B, bare chain ÷ zmq.proxy", unit="×", less=False),
+    Goal(
+        benchmark="shared_memory", figure="messages to a subscriber that may lock 1 MiB", unit="", least=1, less=False
+    ),
+    Goal(benchmark="shared_memory", figure="left in a subscriber by a restart of its publisher", unit="MiB", most=0),
     Goal(benchmark="record", figure="1080p written", unit="/s", peer="mcap", less=False),
     Goal(benchmark="record", figure="1080p at 30 Hz, missing", unit="", most=0),
     Goal(benchmark="delivery", figure="samples, SQLite", unit="/s", least=150_000, peer="outbox alone", less=False),
