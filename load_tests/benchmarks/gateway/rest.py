@@ -190,7 +190,9 @@ async def _measure(chosen: argparse.Namespace) -> dict[str, list[Round]]:
                 async with asyncio.timeout(WAIT_S):
                     while (await robots.stdout.readline()).strip() != b"up":
                         pass
-                page = await http.get("/api/v1/robots", params={"limit": 100, "after": "robot_5000"})
+                page = await http.get(
+                    "/api/v1/robots", params={"limit": 100, "after": f"robot_{chosen.robots // 2:04}"}
+                )
                 async with _bare(page.content) as bare:
                     for _ in range(chosen.rounds):
                         for kind, found in rounds.items():
