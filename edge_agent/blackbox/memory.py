@@ -11,6 +11,7 @@ import logging
 import os
 import shutil
 import stat
+import sys
 from pathlib import Path
 from typing import Final
 
@@ -29,7 +30,7 @@ def memory_folder(disk_folder: Path, *, base: Path = SHARED_MEMORY) -> Path | No
 
     Folders whose agent's state is gone are deleted.
     """
-    if not hasattr(os, "getuid") or not base.is_dir():
+    if sys.platform == "win32" or not base.is_dir():
         return None
     prefix = f"metaros-black-box-{os.getuid()}-"
     folder = base / (prefix + hashlib.sha256(os.fsencode(disk_folder.resolve())).hexdigest()[:16])
