@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from metaros.concurrency.native_callbacks import Addressed, addressed_to
 from metaros.errors import UsageError
-from metaros.executor.channel_mailbox import ChannelMailbox
+from metaros.executor.channel_mailbox import POLL_S, ChannelMailbox
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.ready_queue import Ownership, ReadyQueue
 
@@ -28,9 +28,6 @@ __all__ = ["Ingress"]
 
 _RELIEF_MIN_S: Final = 0.01  # while samples flow: what arrives in so long is the overshoot of the bounds
 _RELIEF_MAX_S: Final = 0.16  # while nothing does
-_LOOKS_S: Final = 0.001  # an executor that asked for work so long ago, at most, is not late
-_LOOKS_AMID_S: Final = 0.005  # the same amid a flood, where the system gives its threads in turn a few milliseconds
-_FLOOD: Final = 64  # items beyond the depth of their mailbox
 
 
 class Ingress:
@@ -61,6 +58,7 @@ class Ingress:
         self._chores: tuple[Callable[[], None], ...] = ()
         self._late: set[Mailbox] = set()  # that were let have more than their depth
         self._channelled: set[ChannelMailbox] = set()
+        self._polls = False  # whether the relief thread looks into channels whose bells are silent
 
     # -- wiring ----------------------------------------------------------------------------------------------------
 
@@ -79,24 +77,22 @@ class Ingress:
             return not rest
 
     def put_to(self, mailbox: Mailbox) -> Callable[[Any], None]:
-        """A sink, a C function, for items without a key of their own in the table.
-
-        Of one that is filled from channels it is the bell: what is put says only that something is in a channel.
-        """
+        """A sink, a C function, for items without a key in the table; a bell where channels fill the mailbox."""
         with self._lock:
             self._start_relief()
         return addressed_to(mailbox, self.put)
 
-    def attach(self, mailbox: ChannelMailbox, receive: Callable[[], Any]) -> None:
-        """Fill the mailbox from a channel, too, by its function that returns an item, or None at once."""
+    def attach(self, mailbox: ChannelMailbox, receive: Callable[[], Any], bell: Callable[[bool], None]) -> None:
+        """Fill it from a channel, too: `receive()` is the oldest item or None, `bell(on)` turns the bell on or off."""
         with self._lock:
             mailbox.channels = (*mailbox.channels, receive)
+            mailbox.bells = (*mailbox.bells, bell)
             self._channelled.add(mailbox)
 
     def detach(self, mailbox: ChannelMailbox) -> None:
         """Fill it no more."""
         with self._lock:
-            mailbox.channels = ()
+            mailbox.channels = mailbox.bells = ()
             self._channelled.discard(mailbox)
 
     def refill(self, mailbox: ChannelMailbox) -> None:
@@ -107,8 +103,10 @@ class Ingress:
     def offer(self, mailbox: Mailbox) -> None:
         """Say that something was appended to the mailbox's `pending` from outside."""
         with self._lock:
-            if mailbox.queued:
-                return
+            self._offer(mailbox)
+
+    def _offer(self, mailbox: Mailbox) -> None:
+        if not mailbox.queued:
             mailbox.queued = True
             ready_queue = self._ready_queues.get(mailbox.owner, self._unclaimed)
             ready_queue.ready.append(mailbox)
@@ -142,16 +140,12 @@ class Ingress:
                     raise UsageError("another executor is spinning this node; a node has one executor at a time")
             for node in nodes:
                 queues[node] = ready_queue
-            if ready_queue.ingress is not self:
-                self._register(ready_queue)
+            ready_queue.ingress = self
+            self._open.add(ready_queue)
             if spins:
                 self.owner.begin(ready_queue)
             if self._unclaimed.ready:
                 self._move(self._unclaimed, ready_queue, nodes)
-
-    def _register(self, ready_queue: ReadyQueue) -> None:
-        ready_queue.ingress = self
-        self._open.add(ready_queue)
 
     def release(self, ready_queue: ReadyQueue, nodes: Collection[object], *, spins: bool = False) -> None:
         """The reverse of `claim`; what waits goes to the next who claims the nodes."""
@@ -201,8 +195,8 @@ class Ingress:
                         self._leader = ready_queue
                     else:
                         self._sleepers = ready_queue.asleep = True
-                        if ready_queue.ingress is not self:
-                            self._register(ready_queue)
+                        ready_queue.ingress = self
+                        self._open.add(ready_queue)
                 if not lead and not ready_queue.signal.wait(timeout_s):
                     timeout_s = -1.0
                 elif lead and self._lead(ready_queue, timeout_s, deadline_s):
@@ -273,7 +267,9 @@ class Ingress:
         for item in arrivals:
             if type(item) is Addressed:
                 box = item.start
-                if not box.channelled:
+                if box.channelled:
+                    box.rung += 1
+                else:
                     box.pending.append(item.stop)
                 touched.add(box)
             elif item is not None:
@@ -297,7 +293,8 @@ class Ingress:
             elif box.depth is None or len(box.pending) <= box.depth:
                 box.trim()
             else:
-                box.trim(self._looking_s(ready_queue, len(box.pending) - box.depth) if looking else None)
+                waits = ready_queue is self._leader
+                box.trim(ready_queue.looking_s(len(box.pending) - box.depth, waits=waits) if looking else None)
                 if box.late_s:
                     self._late.add(box)
             if not box.queued:
@@ -323,14 +320,6 @@ class Ingress:
         ready_queue.wake()
         self._collected += 1
         return True
-
-    def _looking_s(self, ready_queue: ReadyQueue, excess: int) -> float | None:
-        """The time where its executor waits for work, or asked for some a moment ago; None: it is in a callback."""
-        now_s = time.monotonic()
-        if ready_queue is self._leader or ready_queue.asleep:
-            return now_s
-        since_s = now_s - ready_queue.looked_s
-        return now_s if since_s < (_LOOKS_S if excess < _FLOOD else _LOOKS_AMID_S) else None
 
     def take_ready(self, ready_queue: ReadyQueue) -> list[Mailbox]:
         """The queue's mailboxes with work, in the order in which it came; each is the caller's until it requeues it."""
@@ -377,18 +366,33 @@ class Ingress:
             for chore in self._chores:
                 chore()
             pause_s = min(pause_s * 2, _RELIEF_MAX_S) if seen == self._collected else _RELIEF_MIN_S
+            if self._polls:
+                pause_s = POLL_S
             seen = self._collected
 
     def _keep_bounds(self) -> None:
         """Of mailboxes that an executor filled before it got stuck, and of channels that would hold up their link."""
         now_s = time.monotonic()
         with self._lock:
-            late, self._late = self._late, set()
+            late = [box for box in self._late if box.late_s]
             for box in late:
-                if box.late_s:
-                    box.drop_late()
-                if box.late_s:
-                    self._late.add(box)
+                box.drop_late()
+            self._late = {box for box in late if box.late_s}
             for filled in self._channelled:
                 if filled.relieve(now_s):
                     self._collected += 1  # more is coming: look again soon
+                self._poll(filled)
+            changed = [filled for filled in self._channelled if filled.change()]
+        for filled in changed:
+            filled.ring(filled.polled)
+        with self._lock:  # what came before the bell could be heard
+            self._polls = False
+            for filled in self._channelled:
+                self._poll(filled)
+                self._polls = self._polls or filled.polled
+
+    def _poll(self, mailbox: ChannelMailbox) -> None:
+        """Look into its channels."""
+        mailbox.refill()
+        if mailbox.pending:
+            self._offer(mailbox)

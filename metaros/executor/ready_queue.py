@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import threading
+import time
+from typing import Final
 
 from metaros.concurrency.waiting import Wakeup
 from metaros.executor.mailbox import Mailbox
 
 __all__ = ["Ownership", "ReadyQueue"]
+
+_LOOKS_S: Final = 0.001  # an executor that asked for work so long ago, at most, is not late
+_LOOKS_AMID_S: Final = 0.005  # the same amid a flood, where the system gives its threads in turn a few milliseconds
+_FLOOD: Final = 64  # items beyond the depth of their mailbox
 
 
 class Ownership:
@@ -48,3 +54,10 @@ class ReadyQueue:
         if self.asleep:
             self.asleep = False
             self.signal.set()
+
+    def looking_s(self, excess: int, *, waits: bool) -> float | None:
+        """The time where its executor waits for work, or asked for some a moment ago; None: it is in a callback."""
+        now_s = time.monotonic()
+        if waits or self.asleep:
+            return now_s
+        return now_s if now_s - self.looked_s < (_LOOKS_S if excess < _FLOOD else _LOOKS_AMID_S) else None

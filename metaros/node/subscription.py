@@ -12,6 +12,7 @@ import zenoh
 from metaros.errors import UsageError
 from metaros.executor import CHANNEL, CallbackGroup, ChannelMailbox, Mailbox
 from metaros.limits import LIMITS
+from metaros.node.bell import Bell
 from metaros.node.core import NodeCore
 from metaros.node.dedicated_threads import ChannelThread, RingThread, feed, handle_each
 from metaros.node.endpoint import Endpoint
@@ -169,12 +170,13 @@ class Subscription(Endpoint):
         assert isinstance(mailbox, ChannelMailbox)
         channel = self._declare(key, zenoh.handlers.FifoChannel(CHANNEL))
         self.on_close(channel.undeclare)
-        receive = channel.handler.try_recv
-        ingress.attach(mailbox, receive if twin is None or key == self.key else receive_accepted(twin, receive))
-        self.on_close(lambda: ingress.detach(mailbox))
         # The bell comes second: Zenoh serves the subscribers of a key in the order in which they were declared.
-        bell = self._declare(key, zenoh.handlers.Callback(ingress.put_to(mailbox), indirect=False))
-        self.on_close(bell.undeclare)
+        bell = Bell(lambda: self._declare(key, zenoh.handlers.Callback(ingress.put_to(mailbox), indirect=False)))
+        receive = channel.handler.try_recv
+        accepted = receive if twin is None or key == self.key else receive_accepted(twin, receive)
+        ingress.attach(mailbox, accepted, bell.turn)
+        self.on_close(lambda: ingress.detach(mailbox))
+        self.on_close(bell.close)
 
     def _listen_to_ring(self) -> None:
         """Through Zenoh's ring with a thread of its own, which handles the samples."""

@@ -69,7 +69,7 @@ def test_a_bell_fills_from_the_channel_and_what_is_left_comes_as_items_are_handl
     ingress.claim(ready_queue, [node])
     box = ChannelMailbox(print, owner=node, depth=None, limit_bytes=1 << 20, size_of=lambda _: 1)
     channel = deque(range(600))
-    ingress.attach(box, lambda: channel.popleft() if channel else None)
+    ingress.attach(box, lambda: channel.popleft() if channel else None, lambda on: None)
     ingress.put_to(box)("rung")
     ingress.collect()
     handled: list[Any] = []
