@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 
 from metaros.wire.allocator import keep_large_blocks
-from metaros.wire.session import QUEUE_BATCHES, ZENOH_THREADS
+from metaros.wire.session import QUEUE_BATCHES, RUNTIME_THREADS
 
 __all__ = ["receiver", "sender"]
 
@@ -40,7 +40,7 @@ def _session(role: str, port: int, mode: str) -> zenoh.Session:
     }
     if tuned:
         keep_large_blocks()
-        os.environ["ZENOH_RUNTIME"] = ZENOH_THREADS
+        os.environ["ZENOH_RUNTIME"] = RUNTIME_THREADS
         settings["transport/link/tx/queue/size/data"] = json.dumps(QUEUE_BATCHES)
     for key, value in settings.items():
         config.insert_json5(key, value)

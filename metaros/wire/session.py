@@ -28,7 +28,7 @@ from metaros.wire.shm import shared_pool
 
 __all__ = [
     "QUEUE_BATCHES",
-    "ZENOH_THREADS",
+    "RUNTIME_THREADS",
     "WireSession",
     "default_endpoint",
     "domain_from",
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 DEFAULT_PORT: Final = 7447
-ZENOH_THREADS: Final = (
+RUNTIME_THREADS: Final = (
     "(rx: (worker_threads: 1), acc: (handover: rx), app: (handover: rx), tx: (worker_threads: 1), net: (handover: tx))"
 )
 # Of 64 KiB each. With Zenoh's own 2 a message of 1 MiB, which is 17, passes the thread that sends pair by pair.
@@ -148,7 +148,7 @@ def _runtime_threads() -> Iterator[None]:
     if "ZENOH_RUNTIME" in os.environ:
         yield
         return
-    os.environ["ZENOH_RUNTIME"] = ZENOH_THREADS
+    os.environ["ZENOH_RUNTIME"] = RUNTIME_THREADS
     try:
         yield
     finally:

@@ -21,7 +21,7 @@ PERFORMED = {
 }  # by tests/security/identity/test_rotation.py, which also looks at what each command does
 RUN = [page for page in PAGES if page.name not in PERFORMED and commands_of(page.read_text())]
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
-NOUNS = "topic|node|service|action|graph|history|top|doctor|launch status|status"
+NOUNS = "alert backtest|topic|node|service|action|graph|history|top|doctor|launch status|status"
 LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
 
 
